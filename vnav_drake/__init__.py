@@ -1,0 +1,1 @@
+"""Planning with velocity constraints: the problem, the methods and what they return."""

@@ -1,0 +1,55 @@
+"""How fast is safe at a given clearance: the uniform braking law.
+
+Manor 2015, eq. (3.13), with the reaction time and margin of safety-scanner practice: the robot
+must be able to stop within its clearance, `v t_r + v^2 / (2 a_b) + m <= d`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class UniformBraking:
+    """The same braking distance in every direction."""
+
+    max_braking: float  # a_b [m/s^2], positive
+    reaction_time: float = 0.0  # t_r [s]
+    margin: float = 0.0  # m [m]
+    max_speed: float = math.inf  # v_max [m/s]
+
+    isotropic = True
+
+    def distance(self, speed: ArrayLike) -> Array:
+        """Clearance [m] that a robot at `speed` [m/s] needs; same shape."""
+        v = np.asarray(speed, dtype=float)
+        return v * self.reaction_time + v * v / (2.0 * self.max_braking) + self.margin
+
+    def distance_slope(self, speed: ArrayLike) -> Array:
+        """Derivative of `distance` [s]; same shape as `speed`."""
+        v = np.asarray(speed, dtype=float)
+        return self.reaction_time + v / self.max_braking
+
+    def speed(self, clearance: ArrayLike) -> Array:
+        """Greatest safe speed V(d) [m/s] at clearance d [m]; zero where d <= margin."""
+        room = np.maximum(np.asarray(clearance, dtype=float) - self.margin, 0.0)
+        lag = self.max_braking * self.reaction_time
+        # 2 a d / (lag + sqrt(lag^2 + 2 a d)): the positive root without cancellation
+        twice = 2.0 * self.max_braking * room
+        root = np.sqrt(lag * lag + twice)
+        v = root if lag == 0.0 else twice / (lag + root)
+        return np.minimum(v, self.max_speed)
+
+    def speed_slope(self, clearance: ArrayLike) -> Array:
+        """V'(d) [1/s]; zero at the speed cap and where d <= margin."""
+        d = np.asarray(clearance, dtype=float)
+        v = self.speed(d)
+        moving = (v > 0.0) & (v < self.max_speed)
+        slope = self.max_braking / np.where(moving, v + self.max_braking * self.reaction_time, 1.0)
+        return np.where(moving, slope, 0.0)

@@ -1,0 +1,72 @@
+"""The question: a world, a robot, how it may brake, and where it must go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vnav_drake.braking import UniformBraking
+from vnav_drake.robot import Robot
+from vnav_drake.world import World
+
+Array = NDArray[np.float64]
+
+
+class PlanningError(Exception):
+    """A method could not give an answer; the message says which and why."""
+
+
+class NoPathError(PlanningError):
+    """No path exists for this robot between these ends: bad input, not a failure of a method."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class End:
+    """Start or goal of the motion."""
+
+    position: tuple[float, float]  # [m]
+    speed: float | Literal["safe", "rest"] = "safe"  # [m/s]
+    heading: float | None = None  # [rad], free when None
+
+    @property
+    def point(self) -> Array:
+        """(2,) [m]"""
+        return np.array(self.position, dtype=float)
+
+    @property
+    def fixed_speed(self) -> float | None:
+        """[m/s], or None at a safe end, where the robot may have any safe speed."""
+        if self.speed == "safe":
+            return None
+        return 0.0 if self.speed == "rest" else float(self.speed)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """Everything a planner needs to know."""
+
+    world: World
+    robot: Robot
+    braking: UniformBraking
+    friction_reserve: bool = False  # keep full braking available while turning
+    start: End
+    goal: End
+
+    def clearance(self, points: ArrayLike) -> Array:
+        """Signed clearance d [m] of the robot's disc at points (..., 2) [m]; shape (...)."""
+        return self.world.distance(points) - self.robot.radius
+
+    def safe_speed(self, points: ArrayLike) -> Array:
+        """Greatest safe speed [m/s] at points (..., 2) [m]; shape (...)."""
+        return self.braking.speed(self.clearance(points))
+
+    @property
+    def lateral_limit(self) -> float:
+        """Greatest v^2 |kappa| [m/s^2] allowed: sliding, tip-over, and the friction reserve if asked for."""
+        limit = min(self.robot.friction_acceleration, self.robot.tip_acceleration)
+        if self.friction_reserve:
+            limit = min(limit, self.robot.reserved_lateral_acceleration())
+        return limit
