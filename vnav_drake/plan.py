@@ -84,10 +84,10 @@ class Path:
 
     def at(self, s: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """x, y [m], heading [rad] and curvature [1/m] at arc lengths `s` [m]; same shape as `s`."""
-        s = np.asarray(s, dtype=float)
+        distance = np.asarray(s, dtype=float)
         ends = np.concatenate([[0.0], np.cumsum(self.piece_length)])
-        i = np.clip(np.searchsorted(ends, s, side="right") - 1, 0, len(self.heading) - 1)
-        along = s - ends[i]
+        i = np.clip(np.searchsorted(ends, distance, side="right") - 1, 0, len(self.heading) - 1)
+        along = distance - ends[i]
         dx, dy = arc_step(self.heading[i], self.curvature[i], along)
         heading = self.heading[i] + self.curvature[i] * along
         return self.x[i] + dx, self.y[i] + dy, heading, self.curvature[i]
@@ -144,9 +144,9 @@ class Trajectory:
 
     def at(self, t: ArrayLike) -> tuple[Array, Array, Array, Array, Array, Array]:
         """x, y, heading, v, a, curvature at times `t` [s], clipped to the motion; same shape."""
-        t = np.clip(np.asarray(t, dtype=float), self.t[0], self.t[-1])
-        i = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
-        dt = t - self.t[i]
+        time = np.clip(np.asarray(t, dtype=float), self.t[0], self.t[-1])
+        i = np.clip(np.searchsorted(self.t, time, side="right") - 1, 0, len(self.t) - 2)
+        dt = time - self.t[i]
         v = self.v[i] + self.a[i] * dt
         along = 0.5 * (self.v[i] + v) * dt
         dx, dy = arc_step(self.heading[i], self.curvature[i], along)
