@@ -1,0 +1,69 @@
+# Everything is installed in a virtual environment inside the clone; nothing global, no root.
+#
+#   make demo     the warehouse, from scenario file to report
+#   make test     all tests               make test ARGS="-k world"
+#   make lint     ruff and mypy
+#   make gallery  every scenario          make bench    speed against peers
+#   make clean    removes environment, caches and reports
+#
+# PYTHON=... chooses the interpreter (3.11, 3.12 or 3.13), VENV=... the place of the environment.
+
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+MAKEFLAGS += --no-builtin-rules
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+VENV ?= .venv
+PYTHON ?=
+ARGS ?=
+JOBS ?= auto
+RUN := $(VENV)/bin/python -m
+
+# Packages of another Python (a sourced ROS workspace, say) must not shadow those of the lock file.
+unexport PYTHONPATH PYTHONHOME
+# Worker processes share the cores: one thread each.
+export OMP_NUM_THREADS ?= 1
+
+# An environment of a clone that has moved since, or of another PYTHON, is built anew.
+STAMP := $(VENV)/.installed
+STALE := $(shell tools/set-up --check "$(VENV)" "$(PYTHON)" || echo stale)
+
+.PHONY: help demo test lint gallery bench clean setup
+ifneq ($(STALE),)
+.PHONY: $(STAMP)
+endif
+
+help:
+	@sed -n '/^#   make/s/^#   //p' Makefile
+
+setup: $(STAMP)
+
+$(STAMP): requirements.lock pyproject.toml
+	@tools/set-up "$(VENV)" "$(PYTHON)"
+
+$(VENV)/.installed-bench: requirements-bench.lock $(STAMP)
+	$(RUN) pip install --quiet --disable-pip-version-check --require-hashes -r requirements-bench.lock
+	@touch $@
+
+demo: $(STAMP)
+	$(RUN) verify scenarios/warehouse.yaml
+
+gallery: $(STAMP)
+	$(RUN) verify scenarios/*.yaml
+
+test: $(STAMP)
+	$(RUN) pytest -n $(JOBS) --maxprocesses 8 $(ARGS)
+
+lint: $(STAMP)
+	$(RUN) ruff check
+	$(RUN) ruff format --check
+	$(RUN) mypy
+
+bench: $(VENV)/.installed-bench
+	$(RUN) benchmarks $(ARGS)
+
+clean:
+	rm -rf "$(VENV)" build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	find reports -mindepth 1 ! -name .gitkeep -delete
+	find vnav_drake systems verify tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
