@@ -166,6 +166,7 @@ class Plan:
     method: str  # "voronoi_route", "collocation", "refined", ...
     model: Model  # which constraints it means to satisfy
     trajectory: Trajectory
+    path: Path | None = None  # the geometry in the method's own pieces, which can seed another
     details: Mapping[str, Any] = field(default_factory=dict)  # solver, iterations, graph size, ...
 
     def __post_init__(self) -> None:

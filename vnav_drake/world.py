@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 SNAP = 1e-9  # [m]: grid on which touching obstacles are united; far below any real gap
 INSIDE_TOLERANCE = 1e-9  # [m]: an obstacle may touch the boundary up to rounding
-COLLINEAR = 1e-12  # sine of the turn below which a vertex is no corner
+COLLINEAR = 2.0 * SNAP  # [m]: a vertex nearer than this to the line between its neighbours is no corner
 
 
 class WorldError(ValueError):
@@ -69,7 +69,8 @@ class World:
         self.boundary, self.obstacles = boundary, obstacles
         self.blocked, self.floor = blocked, floor
         shapely.prepare(self.floor)
-        lines = shapely.unary_union([self.floor.boundary, *walls])
+        rings = [ring for part in shapely.get_parts(floor) for ring in (part.exterior, *part.interiors)]
+        lines = _node([shapely.LineString(ring) for ring in rings] + list(shapely.get_parts(walls)))
         vertices, edges = _edges(lines)
         free_points = [p for p in points if shapely.distance(p, lines) > SNAP]
         coordinates = np.unique(np.array([(p.x, p.y) for p in free_points]).reshape(-1, 2), axis=0)
@@ -94,10 +95,11 @@ class World:
 
         Raises
         ------
-        WorldError : a polygon is degenerate or crosses itself, or an obstacle leaves the boundary.
+        WorldError : a coordinate is not finite, a polygon is degenerate or crosses itself, an obstacle
+            leaves the boundary, or obstacles cover the whole floor.
         """
         obstacles = tuple(obstacles)
-        hall = _simple_polygon(np.asarray(boundary, dtype=float), "the boundary", None)
+        hall = _simple_polygon(_coordinates(boundary, "the boundary", None), "the boundary", None)
         shapes = [_shape(obstacle, i) for i, obstacle in enumerate(obstacles)]
         around = hall.buffer(INSIDE_TOLERANCE, join_style="mitre")
         for i, shape in enumerate(shapes):
@@ -105,11 +107,14 @@ class World:
                 what = obstacles[i].name or f"obstacle {i}"
                 raise WorldError(f"{what} lies outside the boundary, at least in part", i)
         solid = [s for s in shapes if isinstance(s, shapely.Polygon)]
-        united, touched = _unite(solid, hall)
-        if touched:
+        alone, united, hall_touched = _unite(solid, hall)
+        if hall_touched:  # on the grid as well, or slivers would stay between the two
             hall = shapely.set_precision(hall, SNAP)
-        mass = shapely.union_all(united) if united else shapely.Polygon()
-        floor = hall.difference(mass)
+            floor = hall.difference(united, grid_size=SNAP)
+        else:
+            floor = hall.difference(united)
+        mass = shapely.union_all([*alone, united])
+        floor = floor.difference(shapely.MultiPolygon(alone))
         if floor.is_empty:
             raise WorldError("the obstacles cover the whole floor")
         walls = [shapely.LineString(s.coords).difference(mass) for s in shapes if s.geom_type == "LineString"]
@@ -126,7 +131,8 @@ class World:
         return start, end
 
     @cached_property
-    def _tree(self) -> shapely.STRtree:
+    def edge_tree(self) -> shapely.STRtree:
+        """Spatial index of all edges, isolated points last."""
         start, end = self._segments
         lines = shapely.linestrings(np.stack([start, end], axis=1))
         lines[len(self.edges) :] = shapely.points(start[len(self.edges) :])
@@ -141,11 +147,13 @@ class World:
         """Distance [m], foot point [m] and index of the nearest edge of points (..., 2) [m].
 
         Shapes (...), (..., 2), (...). An index from `len(edges)` on names the isolated point
-        `isolated[index - len(edges)]`.
+        `isolated[index - len(edges)]`. Raises ValueError when a coordinate is not finite.
         """
         p = np.asarray(points, dtype=float)
+        if not np.isfinite(p).all():
+            raise ValueError("distances are asked at points that are not finite")
         flat = p.reshape(-1, 2)
-        which = self._tree.query_nearest(shapely.points(flat), all_matches=False)[1]
+        which = self.edge_tree.query_nearest(shapely.points(flat), all_matches=False)[1]
         start, end = self._segments
         a, along = start[which], end[which] - start[which]
         square = np.einsum("ij,ij->i", along, along)
@@ -186,7 +194,20 @@ class World:
         return math.hypot(x1 - x0, y1 - y0)
 
 
+def _coordinates(vertices: ArrayLike, what: str, index: int | None) -> Array:
+    """The vertices as a finite array (n, 2) [m], n >= 1."""
+    array = np.asarray(vertices, dtype=float)
+    if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
+        raise WorldError(f"{what}: needs at least one vertex of two coordinates", index)
+    if not np.isfinite(array).all():
+        bad = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
+        raise WorldError(f"{what}: vertex {bad} = {array[bad].tolist()}: must be finite [m]", index)
+    return array
+
+
 def _simple_polygon(vertices: Array, what: str, index: int | None) -> shapely.Polygon:
+    if len(vertices) < 3:
+        raise WorldError(f"{what}: a polygon needs at least three vertices", index)
     polygon = shapely.Polygon(vertices)
     if not polygon.is_valid:
         raise WorldError(f"{what}: {shapely.is_valid_reason(polygon)}", index)
@@ -196,32 +217,47 @@ def _simple_polygon(vertices: Array, what: str, index: int | None) -> shapely.Po
 
 
 def _shape(obstacle: Obstacle, index: int) -> shapely.Geometry:
-    vertices = np.array(obstacle.vertices, dtype=float)
     what = obstacle.name or f"obstacle {index}"
+    vertices = _coordinates(obstacle.vertices, what, index)
     if len(vertices) == 1:
         return shapely.Point(vertices[0])
     if len(vertices) == 2:
-        if np.array_equal(vertices[0], vertices[1]):
+        if math.dist(vertices[0], vertices[1]) <= SNAP:
             raise WorldError(f"{what}: both ends of the wall are the same point", index)
         return shapely.LineString(vertices)
     return _simple_polygon(vertices, what, index)
 
 
-def _unite(polygons: list[shapely.Polygon], hall: shapely.Polygon) -> tuple[list[shapely.Geometry], bool]:
-    """Polygons with those that touch united on a fine grid; whether any touches the hall.
+def _touching(shapes: Sequence[shapely.Geometry]) -> NDArray[np.bool_]:
+    """Which shapes touch another one, up to the grid."""
+    pairs = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=SNAP)
+    mask = np.zeros(len(shapes), dtype=bool)
+    mask[pairs[0, pairs[0] != pairs[1]]] = True
+    return mask
 
-    Polygons that touch nothing keep their vertices bit by bit.
+
+def _unite(
+    polygons: list[shapely.Polygon], hall: shapely.Polygon
+) -> tuple[list[shapely.Polygon], shapely.Geometry, bool]:
+    """Polygons that touch nothing, bit by bit; the union of the rest on the grid; whether any touches the hall."""
+    touching = _touching([*polygons, hall.exterior])
+    alone = [polygon for polygon, touches in zip(polygons, touching[:-1], strict=True) if not touches]
+    together = [polygon for polygon, touches in zip(polygons, touching[:-1], strict=True) if touches]
+    united = shapely.union_all(together, grid_size=SNAP) if together else shapely.Polygon()
+    return alone, united, bool(touching[-1])
+
+
+def _node(lines: list[shapely.LineString]) -> shapely.MultiLineString:
+    """Lines cut where they meet, common stretches once.
+
+    Only lines that touch others move, onto the grid: an end on another line lies beside it by a
+    rounding error, and would cut nothing there.
     """
-    if not polygons:
-        return [], False
-    shapes = np.array([*polygons, hall.exterior], dtype=object)
-    tree = shapely.STRtree(shapes)
-    pairs = tree.query(shapes, predicate="dwithin", distance=SNAP)
-    touches = {int(i) for i, j in pairs.T if i != j}
-    alone = [polygon for i, polygon in enumerate(polygons) if i not in touches]
-    together = [polygon for i, polygon in enumerate(polygons) if i in touches]
-    united = [shapely.union_all(together, grid_size=SNAP)] if together else []
-    return [*alone, *united], len(polygons) in touches
+    touching = _touching(lines)
+    alone = [line for line, touches in zip(lines, touching, strict=True) if not touches]
+    together = [line for line, touches in zip(lines, touching, strict=True) if touches]
+    noded = shapely.get_parts(shapely.union_all(together, grid_size=SNAP)) if together else []
+    return shapely.MultiLineString([*alone, *noded])
 
 
 def _edges(lines: shapely.Geometry) -> tuple[Array, NDArray[np.int64]]:
@@ -252,5 +288,6 @@ def _edges(lines: shapely.Geometry) -> tuple[Array, NDArray[np.int64]]:
 
 def _is_straight(vertices: Array, middle: int, one: int, other: int) -> bool:
     u, w = vertices[middle] - vertices[one], vertices[other] - vertices[middle]
-    product = float(np.hypot(*u) * np.hypot(*w))
-    return abs(float(u[0] * w[1] - u[1] * w[0])) <= COLLINEAR * product and float(u @ w) > 0.0
+    return (
+        abs(float(u[0] * w[1] - u[1] * w[0])) <= COLLINEAR * float(np.hypot(*(u + w))) and float(u @ w) > 0.0
+    )

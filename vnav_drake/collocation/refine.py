@@ -1,0 +1,147 @@
+"""Mesh refinement: solve, retime in continuous time, split where the two disagree, repeat."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav_drake.collocation.program import Mesh, Solution, solve
+from vnav_drake.convex import ConvexPieces
+from vnav_drake.plan import Model, Path, Trajectory
+from vnav_drake.problem import PlanningError, Problem
+from vnav_drake.speed_profile import fastest_profile
+
+Array = NDArray[np.float64]
+
+FIRST_REACH = 2.0  # [m]: a seed may be metres from the optimum
+REACH = 0.5  # [m], once a solution guides
+SPLIT_SHARE = 0.25  # an interval is split when its disagreement is this share of its even part of the goal
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Counted work, so that runs repeat exactly."""
+
+    intervals: int  # of the first mesh
+    most_intervals: int
+    rounds: int
+    gain: float  # relative improvement of the travel time below which refinement ends
+
+
+BUDGETS = {
+    "quick": Budget(intervals=60, most_intervals=160, rounds=4, gain=2e-5),
+    "full": Budget(intervals=80, most_intervals=400, rounds=8, gain=2e-6),
+}
+
+
+@dataclass(frozen=True)
+class Round:
+    """One solve, for the report. `worst_violation` is of the program's own motion between its knots."""
+
+    round: int
+    intervals: int
+    iterations: int
+    status: str
+    solver_time: float  # [s]
+    program_time: float  # [s] of travel, at the program's knots
+    travel_time: float | None  # [s], of the retimed motion; None when the geometry is not safe
+    worst_violation: float  # [m], of the braking distance
+
+
+@dataclass(frozen=True)
+class Refined:
+    """The best motion of all rounds and how it was found."""
+
+    path: Path
+    trajectory: Trajectory
+    mesh: Mesh
+    rounds: tuple[Round, ...]
+
+    @property
+    def history(self) -> list[dict[str, object]]:
+        return [asdict(entry) for entry in self.rounds]
+
+
+def refine(
+    problem: Problem,
+    guess: Mesh,
+    model: Model,
+    budget: Budget,
+    progress: Callable[[str], None] | None = None,
+) -> Refined:
+    """Alternate between the program and the continuous-time profile on its geometry.
+
+    Knot constraints say nothing between knots, so each solution is retimed on short rows, which is
+    safe everywhere. Where program and retimed motion take different times the mesh is too coarse.
+
+    Raises
+    ------
+    PlanningError : no round gave a geometry with a safe profile; the message has the last reason.
+    """
+    pieces = ConvexPieces.of(problem.world)
+    best: tuple[Path, Trajectory, Mesh] | None = None
+    rounds: list[Round] = []
+    reason = "no round ran"
+    reach = FIRST_REACH
+    for number in range(1, budget.rounds + 1):
+        solution = solve(problem, guess, pieces, model, reach=reach)
+        mesh = solution.mesh
+        try:
+            path = mesh.path(problem, model)
+            trajectory = fastest_profile(problem, path, model=model)
+        except PlanningError as error:
+            reason = str(error)
+            rounds.append(_round(number, solution, None, between_knots(problem, mesh).max()))
+            if 2 * guess.intervals > budget.most_intervals:
+                break
+            guess = guess.split(np.full(guess.intervals, 2))
+            continue
+        rounds.append(_round(number, solution, trajectory, between_knots(problem, mesh).max()))
+        if progress is not None:
+            progress(f"{mesh.intervals} intervals, {trajectory.travel_time:.4f} s")
+        gain = 1.0 if best is None else 1.0 - trajectory.travel_time / best[1].travel_time
+        if gain > 0.0:
+            best = (path, trajectory, mesh)
+        if gain < budget.gain:
+            break
+        counts = split_counts(mesh, trajectory, budget)
+        if counts.sum() == mesh.intervals or counts.sum() > budget.most_intervals:
+            break
+        guess, reach = mesh.split(counts), REACH
+    if best is None:
+        raise PlanningError(f"collocation found no safe geometry ({model} model): {reason}")
+    return Refined(*best, tuple(rounds))
+
+
+def split_counts(mesh: Mesh, trajectory: Trajectory, budget: Budget) -> NDArray[np.int64]:
+    """In how many parts to cut each interval: 1, or 2 where the times of program and profile differ."""
+    ends = np.concatenate([[0.0], np.cumsum(mesh.shares)]) * trajectory.length
+    ends[-1] = trajectory.length
+    exact = np.diff(np.interp(ends, trajectory.arc_length, trajectory.t))
+    planned = 2.0 * mesh.shares * mesh.length / (mesh.v[1:] + mesh.v[:-1])
+    goal = SPLIT_SHARE * budget.gain * trajectory.travel_time / mesh.intervals
+    return np.where(np.abs(exact - planned) > goal, 2, 1)
+
+
+def between_knots(problem: Problem, mesh: Mesh, samples: int = 8) -> Array:
+    """(n,) [m], how much clearance each interval of the program's own motion lacks at most, sampled."""
+    fine = mesh.split(np.full(mesh.intervals, samples))
+    lack = problem.braking.distance(fine.v) - problem.clearance(fine.points)
+    inner = lack[:-1].reshape(mesh.intervals, samples)
+    return np.maximum(inner.max(axis=1), 0.0)
+
+
+def _round(number: int, solution: Solution, trajectory: Trajectory | None, worst: float) -> Round:
+    return Round(
+        round=number,
+        intervals=solution.mesh.intervals,
+        iterations=solution.iterations,
+        status=solution.status,
+        solver_time=solution.solve_time,
+        program_time=solution.travel_time,
+        travel_time=None if trajectory is None else trajectory.travel_time,
+        worst_violation=float(worst),
+    )

@@ -1,0 +1,75 @@
+"""From any safe path to a first guess for the program."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from vnav_drake.collocation.program import LEAST_SPEED, Mesh
+from vnav_drake.plan import Path
+from vnav_drake.problem import Problem
+from vnav_drake.speed_profile import KINK_TOLERANCE
+
+Array = NDArray[np.float64]
+
+SAMPLES = 72  # of the seed, between which straight legs may cut corners
+LEG_POINTS = 24  # midpoints at which a leg's travel time is summed
+MOST_PIECES = 400  # a smooth seed with no more arcs than this is its own mesh
+SEED_SPEED = 0.95  # of the safe speed: strictly inside the limits
+
+
+def first_mesh(problem: Problem, seed: Path, intervals: int) -> Mesh:
+    """A guess from `seed`: its own arcs when it is smooth and coarse, else even arcs along a short cut."""
+    smooth = np.all(np.abs(seed.kinks) <= KINK_TOLERANCE)
+    if smooth and len(seed.curvature) <= MOST_PIECES:
+        theta = np.append(seed.heading, seed.end_heading[-1])
+        shares = seed.piece_length / seed.length
+        return _with_speed(problem, Mesh(shares, seed.x, seed.y, theta, np.ones(len(theta)), seed.length))
+    short = shortcut(problem, seed)
+    x, y, _, _ = short.at(np.linspace(0.0, short.length, intervals + 1))
+    chord = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
+    theta = np.concatenate([chord[:1], 0.5 * (chord[1:] + chord[:-1]), chord[-1:]])
+    shares = np.full(intervals, 1.0 / intervals)
+    return _with_speed(problem, Mesh(shares, x, y, theta, np.ones(len(x)), short.length))
+
+
+def shortcut(problem: Problem, seed: Path) -> Path:
+    """The fastest polyline through samples of `seed` at the safe speed, by dynamic programming.
+
+    Legs between neighbouring samples follow the seed, so the result is never slower than the seed by
+    more than the quadrature error; other legs are straight and clear of every obstacle.
+    """
+    x, y, _, _ = seed.at(np.linspace(0.0, seed.length, SAMPLES))
+    points = np.column_stack([x, y])
+    i, j = np.triu_indices(SAMPLES, 1)
+    lines = shapely.linestrings(np.stack([points[i], points[j]], axis=1))
+    hit = problem.world.edge_tree.query(lines, predicate="dwithin", distance=problem.robot.radius)[0]
+    free = np.ones(len(i), dtype=bool)
+    free[hit] = False
+    free |= j == i + 1
+    i, j = i[free], j[free]
+    part = (np.arange(LEG_POINTS) + 0.5) / LEG_POINTS
+    along = points[i, None] + part[None, :, None] * (points[j] - points[i])[:, None]
+    speed = np.maximum(problem.safe_speed(along), LEAST_SPEED)
+    cost = np.hypot(*(points[j] - points[i]).T) * np.mean(1.0 / speed, axis=1)
+    best, before = np.full(SAMPLES, math.inf), np.zeros(SAMPLES, dtype=np.int64)
+    best[0] = 0.0
+    order = np.argsort(j, kind="stable")
+    begins = np.searchsorted(j[order], np.arange(SAMPLES + 1))
+    for k in range(1, SAMPLES):
+        legs = order[begins[k] : begins[k + 1]]
+        total = best[i[legs]] + cost[legs]
+        least = int(np.argmin(total))
+        best[k], before[k] = total[least], i[legs[least]]
+    chain = [SAMPLES - 1]
+    while chain[-1] > 0:
+        chain.append(int(before[chain[-1]]))
+    return Path.polyline(points[chain[::-1]])
+
+
+def _with_speed(problem: Problem, mesh: Mesh) -> Mesh:
+    speed = np.maximum(SEED_SPEED * problem.safe_speed(mesh.points), LEAST_SPEED)
+    return Mesh(mesh.shares, mesh.x, mesh.y, mesh.theta, speed, mesh.length)
