@@ -102,6 +102,7 @@ class World:
         hall = _simple_polygon(_coordinates(boundary, "the boundary", None), "the boundary", None)
         shapes = [_shape(obstacle, i) for i, obstacle in enumerate(obstacles)]
         around = hall.buffer(INSIDE_TOLERANCE, join_style="mitre")
+        shapely.prepare(around)
         for i, shape in enumerate(shapes):
             if not around.covers(shape):
                 what = obstacles[i].name or f"obstacle {i}"
@@ -239,7 +240,7 @@ def _touching(shapes: Sequence[shapely.Geometry]) -> NDArray[np.bool_]:
 def _unite(
     polygons: list[shapely.Polygon], hall: shapely.Polygon
 ) -> tuple[list[shapely.Polygon], shapely.Geometry, bool]:
-    """Polygons that touch nothing, bit by bit; the union of the rest on the grid; whether any touches the hall."""
+    """Polygons that touch nothing, as given; the rest united on the grid; whether the hall is touched."""
     touching = _touching([*polygons, hall.exterior])
     alone = [polygon for polygon, touches in zip(polygons, touching[:-1], strict=True) if not touches]
     together = [polygon for polygon, touches in zip(polygons, touching[:-1], strict=True) if touches]
