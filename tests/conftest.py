@@ -1,0 +1,9 @@
+"""Hypothesis draws at random locally and always the same in continuous integration."""
+
+import os
+
+from hypothesis import settings
+
+settings.register_profile("local", deadline=None, max_examples=60)
+settings.register_profile("ci", deadline=None, max_examples=60, derandomize=True, print_blob=True)
+settings.load_profile("ci" if os.environ.get("CI") else "local")
