@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav_drake.collocation.program import Mesh, Solution, solve
+from vnav_drake.collocation.mesh import Mesh
+from vnav_drake.collocation.program import ARCS, Solution, solve
+from vnav_drake.collocation.transcription import Transcription
+from vnav_drake.collocation.turning import greatest_steering_rate
 from vnav_drake.convex import ConvexPieces
 from vnav_drake.plan import Model, Path, Trajectory
 from vnav_drake.problem import PlanningError, Problem
@@ -18,7 +22,8 @@ Array = NDArray[np.float64]
 
 FIRST_REACH = 2.0  # [m]: a seed may be metres from the optimum
 REACH = 0.5  # [m], once a solution guides
-SPLIT_SHARE = 0.25  # an interval is split when its disagreement is this share of its even part of the goal
+RATE_BACKOFF = 0.99  # the profile is faster than the program in places, and then the steering too
+BULK = 0.95  # share of the whole disagreement that the intervals to split must carry (Doerfler marking)
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,7 @@ def refine(
     model: Model,
     budget: Budget,
     progress: Callable[[str], None] | None = None,
+    transcription: Transcription = ARCS,
 ) -> Refined:
     """Alternate between the program and the continuous-time profile on its geometry.
 
@@ -84,46 +90,68 @@ def refine(
     pieces = ConvexPieces.of(problem.world)
     best: tuple[Path, Trajectory, Mesh] | None = None
     rounds: list[Round] = []
-    reason = "no round ran"
-    reach = FIRST_REACH
+    reason, reach = "no round ran", FIRST_REACH
+    limit = problem.robot.max_steering_rate if model == "full" else math.inf
+    allowed = limit
     for number in range(1, budget.rounds + 1):
-        solution = solve(problem, guess, pieces, model, reach=reach)
+        solution = solve(
+            problem, guess, pieces, model, reach=reach, steering_rate=allowed, transcription=transcription
+        )
         mesh = solution.mesh
         try:
-            path = mesh.path(problem, model)
+            path = solution.geometry.path(problem, model)
+            if model == "full":
+                _require_steerable(path, problem)
             trajectory = fastest_profile(problem, path, model=model)
         except PlanningError as error:
             reason = str(error)
-            rounds.append(_round(number, solution, None, between_knots(problem, mesh).max()))
+            rounds.append(_round(number, solution, None, problem))
             if 2 * guess.intervals > budget.most_intervals:
                 break
             guess = guess.split(np.full(guess.intervals, 2))
             continue
-        rounds.append(_round(number, solution, trajectory, between_knots(problem, mesh).max()))
+        rounds.append(_round(number, solution, trajectory, problem))
         if progress is not None:
             progress(f"{mesh.intervals} intervals, {trajectory.travel_time:.4f} s")
         gain = 1.0 if best is None else 1.0 - trajectory.travel_time / best[1].travel_time
-        if gain > 0.0:
+        rate = greatest_steering_rate(trajectory, problem.robot)
+        if rate > limit:
+            reason = f"the steering would turn at {rate:.3f} rad/s, more than {limit:.3f} rad/s"
+            allowed *= RATE_BACKOFF * limit / rate
+            gain = 1.0
+        elif gain > 0.0:
             best = (path, trajectory, mesh)
-        if gain < budget.gain:
+        spare = budget.most_intervals - mesh.intervals
+        if abs(gain) < budget.gain or (spare <= 0 and rate <= limit):
             break
-        counts = split_counts(mesh, trajectory, budget)
-        if counts.sum() == mesh.intervals or counts.sum() > budget.most_intervals:
-            break
-        guess, reach = mesh.split(counts), REACH
+        guess, reach = mesh.split(split_counts(mesh, trajectory, spare)), REACH
     if best is None:
         raise PlanningError(f"collocation found no safe geometry ({model} model): {reason}")
     return Refined(*best, tuple(rounds))
 
 
-def split_counts(mesh: Mesh, trajectory: Trajectory, budget: Budget) -> NDArray[np.int64]:
-    """In how many parts to cut each interval: 1, or 2 where the times of program and profile differ."""
+def _require_steerable(path: Path, problem: Problem) -> None:
+    sharpest, limit = float(np.abs(path.curvature).max()), problem.robot.max_curvature
+    if sharpest > limit:
+        raise PlanningError(f"it bends with {sharpest:.4f} 1/m, the steering allows {limit:.4f} 1/m")
+
+
+def split_counts(mesh: Mesh, trajectory: Trajectory, most: int) -> NDArray[np.int64]:
+    """In how many parts to cut each interval: 2 where the times of program and profile differ most.
+
+    At most `most` new intervals.
+    """
     ends = np.concatenate([[0.0], np.cumsum(mesh.shares)]) * trajectory.length
     ends[-1] = trajectory.length
     exact = np.diff(np.interp(ends, trajectory.arc_length, trajectory.t))
     planned = 2.0 * mesh.shares * mesh.length / (mesh.v[1:] + mesh.v[:-1])
-    goal = SPLIT_SHARE * budget.gain * trajectory.travel_time / mesh.intervals
-    return np.where(np.abs(exact - planned) > goal, 2, 1)
+    differs = np.abs(exact - planned)
+    order = np.argsort(-differs, kind="stable")
+    total = np.cumsum(differs[order])
+    marked = order[: min(most, 1 + int(np.searchsorted(total, BULK * total[-1])))]
+    counts = np.ones(mesh.intervals, dtype=np.int64)
+    counts[marked] = 2
+    return counts
 
 
 def between_knots(problem: Problem, mesh: Mesh, samples: int = 8) -> Array:
@@ -134,7 +162,7 @@ def between_knots(problem: Problem, mesh: Mesh, samples: int = 8) -> Array:
     return np.maximum(inner.max(axis=1), 0.0)
 
 
-def _round(number: int, solution: Solution, trajectory: Trajectory | None, worst: float) -> Round:
+def _round(number: int, solution: Solution, trajectory: Trajectory | None, problem: Problem) -> Round:
     return Round(
         round=number,
         intervals=solution.mesh.intervals,
@@ -143,5 +171,5 @@ def _round(number: int, solution: Solution, trajectory: Trajectory | None, worst
         solver_time=solution.solve_time,
         program_time=solution.travel_time,
         travel_time=None if trajectory is None else trajectory.travel_time,
-        worst_violation=float(worst),
+        worst_violation=float(between_knots(problem, solution.geometry).max()),
     )

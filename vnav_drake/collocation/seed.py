@@ -8,7 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from vnav_drake.collocation.program import LEAST_SPEED, Mesh
+from vnav_drake.collocation.mesh import Mesh
+from vnav_drake.collocation.program import LEAST_SPEED
 from vnav_drake.plan import Path
 from vnav_drake.problem import Problem
 from vnav_drake.speed_profile import KINK_TOLERANCE
@@ -22,9 +23,14 @@ SEED_SPEED = 0.95  # of the safe speed: strictly inside the limits
 
 
 def first_mesh(problem: Problem, seed: Path, intervals: int) -> Mesh:
-    """A guess from `seed`: its own arcs when it is smooth and coarse, else even arcs along a short cut."""
+    """A guess from `seed`: its own arcs when it is smooth and coarse, else even arcs along a short cut.
+
+    No interval is longer than the path's length over `intervals`.
+    """
     smooth = np.all(np.abs(seed.kinks) <= KINK_TOLERANCE)
     if smooth and len(seed.curvature) <= MOST_PIECES:
+        parts = np.ceil(seed.piece_length / seed.length * intervals * (1.0 - 1e-9)).astype(np.int64)
+        seed = seed.subdivided(np.maximum(parts, 1))
         theta = np.append(seed.heading, seed.end_heading[-1])
         shares = seed.piece_length / seed.length
         return _with_speed(problem, Mesh(shares, seed.x, seed.y, theta, np.ones(len(theta)), seed.length))
