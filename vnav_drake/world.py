@@ -111,7 +111,7 @@ class World:
         alone, united, hall_touched = _unite(solid, hall)
         if hall_touched:  # on the grid as well, or slivers would stay between the two
             hall = shapely.set_precision(hall, SNAP)
-            floor = hall.difference(united, grid_size=SNAP)
+            floor = _areas(hall.difference(united, grid_size=SNAP))
         else:
             floor = hall.difference(united)
         mass = shapely.union_all([*alone, united])
@@ -179,8 +179,9 @@ class World:
         p = np.asarray(points, dtype=float)
         gap, foot, _ = self.nearest(p)
         sign = np.where(self.is_floor(p), 1.0, -1.0)
-        scale = np.divide(sign, gap, out=np.zeros_like(gap), where=gap > 0.0)
-        return sign * gap, scale[..., None] * (p - foot)
+        size = gap[..., None]
+        away = np.divide(p - foot, size, out=np.zeros_like(p), where=size > 0.0)
+        return sign * gap, sign[..., None] * away
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -244,8 +245,13 @@ def _unite(
     touching = _touching([*polygons, hall.exterior])
     alone = [polygon for polygon, touches in zip(polygons, touching[:-1], strict=True) if not touches]
     together = [polygon for polygon, touches in zip(polygons, touching[:-1], strict=True) if touches]
-    united = shapely.union_all(together, grid_size=SNAP) if together else shapely.Polygon()
+    united = _areas(shapely.union_all(together, grid_size=SNAP)) if together else shapely.Polygon()
     return alone, united, bool(touching[-1])
+
+
+def _areas(geometry: shapely.Geometry) -> shapely.Geometry:
+    """Without the lines that thin slivers collapse to on the grid."""
+    return shapely.union_all([p for p in shapely.get_parts(geometry) if isinstance(p, shapely.Polygon)])
 
 
 def _node(lines: list[shapely.LineString]) -> shapely.MultiLineString:
