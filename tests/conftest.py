@@ -1,4 +1,7 @@
-"""Hypothesis draws at random locally and always the same in continuous integration."""
+"""Hypothesis draws at random locally and always the same in continuous integration.
+
+`make test ARGS=--hypothesis-profile=thorough` draws many more.
+"""
 
 import os
 
@@ -6,4 +9,5 @@ from hypothesis import settings
 
 settings.register_profile("local", deadline=None, max_examples=60)
 settings.register_profile("ci", deadline=None, max_examples=60, derandomize=True, print_blob=True)
+settings.register_profile("thorough", deadline=None, max_examples=3000)
 settings.load_profile("ci" if os.environ.get("CI") else "local")
