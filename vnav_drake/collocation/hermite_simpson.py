@@ -105,15 +105,17 @@ def _defects(layout: Layout, shares: Array, run: Index) -> Block:
         one = np.ones(n)
         values = [np.diff(theta) - h * simpson]
         data = [-one, one, -h / 6.0, -h / 6.0, -4.0 * h / 6.0, -f * simpson]
-        for axis, (f_, g_) in enumerate(((np.cos, lambda a: -np.sin(a)), (np.sin, np.cos))):
-            mean = (f_(theta[:-1]) + 4.0 * f_(centre) + f_(theta[1:])) / 6.0
-            by_centre = -h * 4.0 / 6.0 * g_(centre)
+        for axis, quarter in enumerate((0.0, -0.5 * np.pi)):  # sin a = cos(a - pi/2)
+            at_ends, at_centre = np.cos(theta + quarter), np.cos(centre + quarter)
+            slope_ends, slope_centre = -np.sin(theta + quarter), -np.sin(centre + quarter)
+            mean = (at_ends[:-1] + 4.0 * at_centre + at_ends[1:]) / 6.0
+            by_centre = -h * 4.0 / 6.0 * slope_centre
             values.append(np.diff(z[axis * m : (axis + 1) * m]) - h * mean)
             data += [
                 -one,
                 one,
-                -h / 6.0 * g_(theta[:-1]) + 0.5 * by_centre,
-                -h / 6.0 * g_(theta[1:]) + 0.5 * by_centre,
+                -h / 6.0 * slope_ends[:-1] + 0.5 * by_centre,
+                -h / 6.0 * slope_ends[1:] + 0.5 * by_centre,
                 by_centre * h / 8.0,
                 -by_centre * h / 8.0,
                 -f * mean + by_centre * f * bend,
