@@ -1,0 +1,128 @@
+"""The scenario file: what is asked, checked before anything is planned.
+
+    scenario = load_scenario("scenarios/warehouse.yaml")
+    scenario.problem.safe_speed([[28.5, 1.9]])
+
+`scenario_file` reads text into data with line numbers, `scenario_spec` holds the keys, `scenario_checks`
+the rules that join them. `docs/scenario.md` is the reference.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from vnav_drake.braking import UniformBraking
+from vnav_drake.problem import End, Problem
+from vnav_drake.scenario_checks import build_robot, build_world, end_faults, robot_faults
+from vnav_drake.scenario_faults import validate_spec
+from vnav_drake.scenario_file import Document, Fault, ScenarioError, read_bytes, read_document, split_path
+from vnav_drake.scenario_spec import EndSpec, ScenarioSpec, scenario_schema
+
+__all__ = [
+    "PlanSettings",
+    "Scenario",
+    "ScenarioError",
+    "ScenarioSpec",
+    "load_scenario",
+    "parse_scenario",
+    "scenario_schema",
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanSettings:
+    """What plans are made."""
+
+    methods: tuple[str, ...]
+    homotopy_classes: int
+    effort: Literal["quick", "full"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """One validated scenario file."""
+
+    name: str
+    description: str
+    spec: ScenarioSpec = field(repr=False)  # numbers as written
+    problem: Problem
+    plan: PlanSettings
+    gates: Mapping[str, float]  # all gates, defaults filled in
+    named_gates: frozenset[str]  # those that the file names itself
+    data: bytes = field(repr=False)  # the file, byte by byte
+    sha256: str  # of `data`, hexadecimal
+    source: Path | None
+    document: Document = field(repr=False, compare=False)  # where each key stands
+
+    def error(self, key: str, message: str) -> ScenarioError:
+        """Bad input that a later stage found, placed at a key such as `start.position`."""
+        return self.document.error([Fault(split_path(key), message)])
+
+
+def load_scenario(path: str | os.PathLike[str]) -> Scenario:
+    """Read and check one scenario file.
+
+    Raises
+    ------
+    ScenarioError : all faults of the file with line, key, value and what was expected; also when it
+        is missing, unreadable, not a regular file or too large.
+    """
+    return _build(read_bytes(path), os.fspath(path), Path(path))
+
+
+def parse_scenario(data: bytes, where: str) -> Scenario:
+    """As `load_scenario`, for bytes at hand; `where` names them in messages."""
+    return _build(data, where, None)
+
+
+def _build(data: bytes, where: str, source: Path | None) -> Scenario:
+    document = read_document(data, where)
+    spec, form_faults = validate_spec(document)
+    if spec is None or document.faults:
+        raise document.error([*document.faults, *form_faults])
+    robot = build_robot(spec.robot)
+    braking = UniformBraking(
+        max_braking=robot.max_braking,
+        reaction_time=spec.braking.reaction_time,
+        margin=spec.braking.margin,
+        max_speed=robot.max_speed,
+    )
+    world, faults = build_world(spec)
+    faults += robot_faults(spec)
+    if world is not None:
+        faults += end_faults(spec, world, braking)
+    if world is None or faults:
+        raise document.error(faults)
+    problem = Problem(
+        world=world,
+        robot=robot,
+        braking=braking,
+        friction_reserve=spec.braking.friction_reserve,
+        start=_end(spec.start),
+        goal=_end(spec.goal),
+    )
+    plan = PlanSettings(
+        methods=spec.plan.methods, homotopy_classes=spec.plan.homotopy_classes, effort=spec.plan.effort
+    )
+    return Scenario(
+        name=spec.name,
+        description=spec.description,
+        spec=spec,
+        problem=problem,
+        plan=plan,
+        gates={name: float(limit) for name, limit in spec.gates.model_dump().items()},
+        named_gates=frozenset(spec.gates.model_fields_set),
+        data=data,
+        sha256=hashlib.sha256(data).hexdigest(),
+        source=source,
+        document=document,
+    )
+
+
+def _end(spec: EndSpec) -> End:
+    return End(position=spec.position, speed=spec.speed, heading=spec.heading)

@@ -1,0 +1,269 @@
+"""What a scenario file may hold: keys, types, units, ranges and defaults, and their JSON Schema.
+
+The models keep the numbers as the file gives them and know nothing of geometry; rules that join several
+keys are in `scenario_checks`.
+"""
+
+from __future__ import annotations
+
+import math
+import unicodedata
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    ValidationError,
+    WithJsonSchema,
+    WrapValidator,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+MAX_COORDINATE = 1.0e5  # [m]: doubles lie 1.5e-11 m apart there, well below the 1e-9 m that unites obstacles
+MAX_VERTICES = 100_000  # of the boundary and all obstacles together
+CIRCLE_SIDES = 96  # of the polygon around a circle
+METHODS = ("voronoi_route", "vc_method", "speed_graph", "dwa")
+ZONES = ("uniform",)
+RESERVED_NAMES = (
+    "index",
+    "con",
+    "prn",
+    "aux",
+    "nul",
+    *(f"{d}{i}" for d in ("com", "lpt") for i in range(1, 10)),
+)
+SCHEMA_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def _plain_text(text: str) -> str:
+    """Refuse what could disturb a terminal or a page: control, format and separator characters."""
+    for character in text:
+        if unicodedata.category(character) in {"Cc", "Cf", "Cs", "Zl", "Zp"} and character not in "\n\u200d":
+            raise PydanticCustomError("text", f"must not hold the control character {character!a}")
+    return text
+
+
+def _one_line(text: str) -> str:
+    if "\n" in text:
+        raise PydanticCustomError("text", "must be a single line")
+    return _plain_text(text)
+
+
+def _free_name(name: str) -> str:
+    if name in RESERVED_NAMES:
+        raise PydanticCustomError("name", "is reserved; expected another name")
+    return name
+
+
+def _speed(value: Any, inner: Callable[[Any], Any]) -> Any:
+    try:
+        return inner(value)
+    except ValidationError as error:
+        raise PydanticCustomError("speed", "must be safe, rest, or a speed from 0 to 1000 [m/s]") from error
+
+
+def _zone(value: Any) -> Any:
+    """`{type: uniform}` and `uniform` are the same."""
+    if isinstance(value, dict):
+        unknown = [key for key in value if key != "type"]
+        if unknown:
+            raise PydanticCustomError(
+                "zone", "the zone 'uniform' takes no parameters; expected {type: uniform}"
+            )
+        value = value.get("type")
+    if value not in ZONES:
+        raise PydanticCustomError("zone", f"unknown braking zone; known: {', '.join(ZONES)}")
+    return value
+
+
+def _distinct(methods: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(methods)) < len(methods):
+        raise PydanticCustomError("methods", "names a method twice; expected each once")
+    return methods
+
+
+Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE, json_schema_extra={"unit": "m"})]
+# A YAML list where the model has a tuple: only the container is lenient, not the numbers in it.
+Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
+Speed = Annotated[Literal["safe", "rest"] | Annotated[float, Field(ge=0.0, le=1000.0)], WrapValidator(_speed)]
+Zone = Annotated[
+    Literal["uniform"],
+    BeforeValidator(_zone),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"enum": list(ZONES)},
+                {
+                    "type": "object",
+                    "properties": {"type": {"enum": list(ZONES)}},
+                    "required": ["type"],
+                    "additionalProperties": False,
+                },
+            ]
+        }
+    ),
+]
+Method = Literal["voronoi_route", "vc_method", "speed_graph", "dwa"]
+
+
+def _number(
+    text: str,
+    unit: str | None = None,
+    default: Any = ...,
+    *,
+    ge: float | None = None,
+    le: float | None = None,
+    lt: float | None = None,
+) -> Any:
+    """A number field with its description, unit and range."""
+    extra: dict[str, Any] = {} if unit is None else {"unit": unit}
+    return Field(default=default, description=text, json_schema_extra=extra, ge=ge, le=le, lt=lt)
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(
+        strict=True, extra="forbid", frozen=True, allow_inf_nan=False, hide_input_in_errors=True
+    )
+
+
+class CircleSpec(_Section):
+    """A disc on the floor."""
+
+    center: Point = Field(description="Centre [x, y].", json_schema_extra={"unit": "m"})
+    radius: float = _number("Radius.", "m", ge=1.0e-3, le=MAX_COORDINATE)
+
+
+class ObstacleSpec(_Section):
+    """Either vertices (one: a point, two: a wall segment, three or more: a polygon) or a circle."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"oneOf": [{"required": ["vertices"]}, {"required": ["circle"]}]}
+    )
+
+    name: Annotated[str, AfterValidator(_one_line)] = Field(
+        default="", max_length=100, description="For messages and the map."
+    )
+    vertices: Annotated[tuple[Point, ...], Strict(False)] = Field(
+        default=(),
+        min_length=1,
+        description="[[x, y], ...]: a point, a wall segment or a simple polygon, either way round.",
+        json_schema_extra={"unit": "m"},
+    )
+    circle: CircleSpec | None = Field(default=None, description="A disc; planners see a polygon around it.")
+
+    @model_validator(mode="after")
+    def _exactly_one_shape(self) -> ObstacleSpec:
+        if bool(self.vertices) == (self.circle is not None):
+            raise PydanticCustomError("shape", "must have either vertices or circle, exactly one of them")
+        return self
+
+
+class WorldSpec(_Section):
+    """The floor and what stands on it."""
+
+    boundary: Annotated[tuple[Point, ...], Strict(False)] = Field(
+        min_length=3,
+        description="Corners of the outer wall: a simple polygon, not closed by repetition.",
+        json_schema_extra={"unit": "m"},
+    )
+    obstacles: Annotated[tuple[ObstacleSpec, ...], Strict(False)] = Field(
+        default=(), description="They may touch and overlap; they are united."
+    )
+
+
+class RobotSpec(_Section):
+    """The robot's body and limits."""
+
+    radius: float = _number("Of the disc that contains the body; 0 for a point robot.", "m", ge=0.0, le=1.0e3)
+    mass: float = _number("Mass.", "kg", ge=1.0e-3, le=1.0e6)
+    wheelbase: float = _number("Distance between the axles.", "m", ge=1.0e-3, le=1.0e3)
+    track: float = _number("Distance between the left and right wheels.", "m", ge=1.0e-3, le=1.0e3)
+    com_height: float = _number("Height of the centre of mass above the floor.", "m", ge=0.0, le=1.0e3)
+    friction: float = _number(
+        "mu, tyre on floor; mu g bounds braking and turning together.", ge=1.0e-6, le=100.0
+    )
+    max_braking: float = _number("a_b, the greatest deceleration.", "m/s^2", ge=1.0e-6, le=1.0e3)
+    max_acceleration: float = _number("a_max, the greatest acceleration.", "m/s^2", ge=1.0e-6, le=1.0e3)
+    max_speed: float | None = _number("null: not limited.", "m/s", None, ge=1.0e-6, le=1.0e3)
+    max_steering: float = _number("Of the mean front wheel, below pi/2.", "rad", ge=1.0e-6, lt=math.pi / 2.0)
+    max_steering_rate: float | None = _number("null: not limited.", "rad/s", None, ge=1.0e-6, le=1.0e3)
+
+
+class BrakingSpec(_Section):
+    """How the robot brakes: v t_r + v^2 / (2 a_b) + m must fit into the clearance."""
+
+    zone: Zone = Field(default="uniform", description="Shape of the braking zone.")
+    reaction_time: float = _number("t_r, before the brakes act.", "s", 0.0, ge=0.0, le=100.0)
+    margin: float = _number("m, kept free at standstill.", "m", 0.0, ge=0.0, le=1.0e3)
+    friction_reserve: bool = Field(default=False, description="Keep full braking available while turning.")
+
+
+class EndSpec(_Section):
+    """Start or goal."""
+
+    position: Point = Field(description="[x, y] of the robot's centre.", json_schema_extra={"unit": "m"})
+    speed: Speed = Field(
+        default="safe",
+        description="safe: any speed up to the braking limit; rest: zero; or a speed.",
+        json_schema_extra={"unit": "m/s"},
+    )
+    heading: float | None = _number(
+        "From the x axis to the left; null: free.", "rad", None, ge=-100.0, le=100.0
+    )
+
+
+class PlanSpec(_Section):
+    """What plans are made."""
+
+    methods: Annotated[tuple[Method, ...], Strict(False), AfterValidator(_distinct)] = Field(
+        default=("voronoi_route",), min_length=1, description="What seeds and what is compared."
+    )
+    homotopy_classes: int = Field(default=6, ge=1, le=50, description="How many of the best classes to plan.")
+    effort: Literal["quick", "full"] = Field(default="full", description="Budget of counted work.")
+
+
+class GatesSpec(_Section):
+    """Limits that the result must keep; exit code 1 otherwise."""
+
+    analytic_gap: float = _number("Speed graph against collocation of the same model.", None, 0.01, ge=0.0)
+    refinement_gap: float = _number("Full robot against the variational optimum.", None, 0.05, ge=0.0)
+    certified_gap: float = _number("Best upper against the global lower bound.", None, 0.03, ge=0.0)
+    constraint_violation: float = _number("Worst normalised violation.", None, 1.0e-6, ge=0.0)
+    braking_margin: float = _number(
+        "Least clearance minus braking distance, at least this.", "m", 0.0, ge=0.0
+    )
+    emergency_stops: int = Field(default=0, ge=0, description="Simulated stops that may end badly.")
+
+
+class ScenarioSpec(_Section):
+    """A scenario file as written."""
+
+    schema_version: Literal[1] = Field(alias="schema", description="Version of this format.")
+    name: Annotated[str, AfterValidator(_free_name)] = Field(
+        pattern="^[a-z0-9_-]+$",
+        max_length=64,
+        description="Names the output folder.",
+        json_schema_extra={"not": {"enum": list(RESERVED_NAMES)}},
+    )
+    description: Annotated[str, AfterValidator(_plain_text)] = Field(
+        default="", max_length=10_000, description="What the scenario shows; one line or more."
+    )
+    world: WorldSpec
+    robot: RobotSpec
+    braking: BrakingSpec = BrakingSpec()
+    start: EndSpec
+    goal: EndSpec
+    plan: PlanSpec = PlanSpec()
+    gates: GatesSpec = GatesSpec()
+
+
+def scenario_schema() -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of scenario files, with descriptions and units, for editors."""
+    schema = ScenarioSpec.model_json_schema(by_alias=True)
+    return {"$schema": SCHEMA_DIALECT, **schema, "title": "vnav-drake scenario"}
