@@ -1,0 +1,6 @@
+"""The report: one self-contained HTML page a scenario, and an index of all of them."""
+
+from verify.report.index import write_index
+from verify.report.page import ReportExtras, write_report
+
+__all__ = ["ReportExtras", "write_index", "write_report"]

@@ -1,0 +1,128 @@
+"""What the result folder holds, read for drawing. What is missing or unreadable becomes a reason, never an error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav_drake.plan import COLUMNS, Trajectory
+
+Array = NDArray[np.float64]
+
+PLANS = ("voronoi_route", "vc_method", "speed_graph", "dwa", "collocation", "refined")  # files looked for
+EXECUTED = (
+    "refined",
+    "collocation",
+    "speed_graph",
+    "voronoi_route",
+)  # stand-ins for trajectory.csv, best first
+LONGEST_TEXT = 60_000  # characters of a scenario file that the page repeats
+
+
+@dataclass(frozen=True)
+class SimulatedRun:
+    """The recorded motion of the simulated vehicle."""
+
+    t: Array  # (m,) [s]
+    x: Array  # (m,) [m]
+    y: Array  # (m,) [m]
+    heading: Array  # (m,) [rad]
+    v: Array  # (m,) [m/s]
+
+    @cached_property
+    def arc_length(self) -> Array:
+        """(m,) [m], from the first row."""
+        return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self.x), np.diff(self.y)))])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """Everything that can be drawn, and why the rest cannot."""
+
+    plans: Mapping[str, Trajectory]
+    executed: Trajectory | None
+    executed_plan: str  # which plan `executed` is, "" if unknown
+    simulation: SimulatedRun | None
+    scenario_text: str | None
+    reasons: Mapping[str, str]  # file -> why it is not here
+
+    def reason(self, *files: str) -> str:
+        """Why what is drawn from `files` is missing."""
+        return "; ".join(self.reasons[file] for file in files if file in self.reasons)
+
+
+def read_evidence(folder: Path) -> Evidence:
+    """Read all trajectories and the simulated run of a result folder."""
+    reasons: dict[str, str] = {}
+    plans = {}
+    for name in PLANS:
+        trajectory = _trajectory(folder, f"trajectories/{name}.csv", reasons)
+        if trajectory is not None:
+            plans[name] = trajectory
+    executed = _trajectory(folder, "trajectory.csv", reasons)
+    same = [name for name, plan in plans.items() if executed is not None and _same(plan, executed)]
+    name = next((name for name in EXECUTED if name in same), "")
+    if executed is None:
+        name = next((name for name in EXECUTED if name in plans), "")
+        executed = plans.get(name)
+    columns = _columns(folder, "simulation.csv", ("t", "x", "y", "heading", "v"), reasons)
+    return Evidence(
+        plans=plans,
+        executed=executed,
+        executed_plan=name,
+        simulation=None if columns is None else SimulatedRun(**columns),
+        scenario_text=_scenario_text(folder, reasons),
+        reasons=reasons,
+    )
+
+
+def _same(one: Trajectory, other: Trajectory) -> bool:
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in ("t", "x", "y", "v"))
+
+
+def _trajectory(folder: Path, file: str, reasons: dict[str, str]) -> Trajectory | None:
+    columns = _columns(folder, file, COLUMNS, reasons)
+    return None if columns is None else Trajectory(**columns)
+
+
+def _columns(
+    folder: Path, file: str, names: tuple[str, ...], reasons: dict[str, str]
+) -> dict[str, Array] | None:
+    try:
+        with (folder / file).open(encoding="utf-8") as lines:
+            header = [name.strip() for name in lines.readline().split(",")]
+            absent = [name for name in names if name not in header]
+            if absent:
+                raise ValueError(f"no column {', '.join(absent)}")
+            rows = np.loadtxt(lines, delimiter=",", ndmin=2, usecols=[header.index(name) for name in names])
+    except FileNotFoundError:
+        reasons[file] = f"{file} was not written"
+        return None
+    except (OSError, ValueError) as error:  # UnicodeDecodeError is a ValueError
+        reasons[file] = f"{file} cannot be read: {error}"
+        return None
+    if len(rows) < 2:
+        reasons[file] = f"{file} has fewer than two rows"
+        return None
+    columns = dict(zip(names, rows.T.copy(), strict=True))
+    if not np.all(np.isfinite(rows)) or np.any(np.diff(columns["t"]) < 0.0):
+        reasons[file] = f"{file} holds numbers that are not finite, or times that run backwards"
+        return None
+    return columns
+
+
+def _scenario_text(folder: Path, reasons: dict[str, str]) -> str | None:
+    try:
+        text = (folder / "scenario.yaml").read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        reasons["scenario.yaml"] = f"scenario.yaml cannot be read: {error.strerror}"
+        return None
+    if len(text) > LONGEST_TEXT:
+        rest = len(text) - LONGEST_TEXT
+        text = text[:LONGEST_TEXT] + f"\n… {rest:,} more characters are in scenario.yaml beside this report"
+    return text

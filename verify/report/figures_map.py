@@ -1,0 +1,266 @@
+"""Maps: the world to scale, the ways through it, the speed as colour."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+import shapely
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.colors import Normalize
+from matplotlib.patches import Circle
+from matplotlib.path import Path as Outline
+from numpy.typing import NDArray
+
+from verify.report.curves import halo
+from verify.report.palette import ARC, CASING, FLOOR, INK, MUTED, PAPER, RACK, RACK_EDGE, SPEED_MAP, method
+from verify.report.series import thinned_path
+from verify.report.svg import NARROW, WIDE, Picture, drawing_style, label, new_axes, to_svg
+from vnav_drake.plan import Trajectory
+from vnav_drake.problem import Problem
+from vnav_drake.world import World
+
+Array = NDArray[np.float64]
+
+MOST_NAMES = 60  # more names than that are noise on a map
+COLOURED_PIECES = 320  # pieces of one colour each along the executed path
+BAR_STEPS = 64  # shades of the colour bar
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapData:
+    """What the map shows, bottom to top."""
+
+    problem: Problem
+    arcs: Sequence[Array]  # Voronoi arcs, (n, 2) [m] each
+    others: Sequence[tuple[str, Trajectory]]  # (method, motion) drawn as lines
+    executed: Trajectory | None  # drawn with its speed as colour
+
+
+def draw_map(data: MapData) -> Picture:
+    """World, Voronoi arcs, paths of the methods and the executed path coloured by speed."""
+    x0, y0, x1, y1 = data.problem.world.bounds
+    lines = ", ".join(method(name).label for name, _ in data.others)
+    described = {
+        "key": "map",
+        "title": "Map of the world and the paths",
+        "description": f"A floor of {x1 - x0:g} by {y1 - y0:g} metres with {len(data.problem.world.obstacles)} obstacles, "
+        "the robot's disc at start and goal, "
+        + (f"the paths of {lines}, " if lines else "")
+        + (
+            "and the executed path coloured by speed."
+            if data.executed is not None
+            else "and no executed path."
+        ),
+    }
+    with drawing_style():
+        return Picture(
+            **described,
+            svg=_draw(data, described, narrow=False),
+            narrow=_draw(data, {**described, "key": "map-narrow"}, narrow=True),
+        )
+
+
+def _draw(data: MapData, described: dict[str, str], *, narrow: bool) -> Markup:
+    world = data.problem.world
+    width = NARROW if narrow else WIDE
+    figure, axes = new_axes(
+        width, map_height(world, width, bar=not narrow) + (60 if narrow else 0), x="x [m]", y="y [m]"
+    )
+    draw_world(axes, world, names=not narrow)
+    size = world.diameter
+    axes.add_collection(
+        LineCollection(
+            [np.column_stack(thinned_path(*arc.T, size)) for arc in data.arcs if len(arc) > 1],
+            colors=ARC.light,
+            linewidths=0.7,
+        )
+    )
+    below = [item for item in data.others if item[0] != "collocation"]
+    above = [item for item in data.others if item[0] == "collocation"]
+    for name, motion in below:
+        _line(axes, name, motion, size, 2.0 if not narrow else 1.4)
+    if data.executed is not None:
+        colours = draw_speed(axes, data.executed, width=4.2 if not narrow else 3.2)
+        bar = figure.colorbar(
+            colours,
+            ax=axes,
+            orientation="horizontal" if narrow else "vertical",
+            shrink=0.9 if narrow else 0.6,
+            aspect=28,
+            pad=0.02,
+        )
+        bar.set_label("speed of the executed motion [m/s]")
+        bar.outline.set_visible(False)  # type: ignore[operator]
+        bar.solids.set_edgecolor("face")  # type: ignore[union-attr]
+    for name, motion in above:
+        _line(axes, name, motion, size, 1.3)
+    draw_ends(axes, data.problem, data.executed)
+    return to_svg(figure, **described)
+
+
+def _line(axes: Axes, name: str, motion: Trajectory, size: float, width: float) -> None:
+    look = method(name)
+    axes.plot(
+        *thinned_path(motion.x, motion.y, size),
+        color=look.light,
+        lw=width,
+        ls=look.dash,
+        dash_capstyle="butt",
+    )
+
+
+def map_height(world: World, width: float, *, bar: bool) -> float:
+    """Height [px] at which a map `width` px wide has little empty ground around it."""
+    x0, y0, x1, y1 = world.bounds
+    room = width - 56.0 - (86.0 if bar else 0.0)
+    return (
+        float(
+            np.clip(
+                room * (1.1 * (y1 - y0) + 0.03 * (x1 - x0)) / (1.05 * (x1 - x0)), 0.16 * width, 1.1 * width
+            )
+        )
+        + 48.0
+    )
+
+
+def draw_world(axes: Axes, world: World, *, names: bool) -> None:
+    """Floor, obstacles with their names, and a scale bar below; equal scales."""
+    x0, y0, x1, y1 = world.bounds
+    axes.set_aspect("equal")
+    axes.grid(False)
+    for side in axes.spines.values():
+        side.set_visible(False)
+    axes.tick_params(length=3)
+    axes.add_collection(
+        PathCollection(
+            [_outline(world.boundary)], facecolors=FLOOR.light, edgecolors=INK.light, linewidths=1.4
+        )
+    )
+    axes.add_collection(
+        PathCollection(
+            [_outline(p) for p in world.blocked],
+            facecolors=RACK.light,
+            edgecolors=RACK_EDGE.light,
+            linewidths=0.8,
+        )
+    )
+    axes.add_collection(LineCollection(list(world.walls), colors=INK.light, linewidths=2.0))
+    if len(world.isolated):
+        axes.plot(*world.vertices[world.isolated].T, "o", color=INK.light, ms=3.5)
+    pad = 0.025 * max(x1 - x0, y1 - y0)
+    foot = max(0.075 * (y1 - y0), 0.03 * (x1 - x0))
+    axes.set_xlim(x0 - pad, x1 + pad)
+    axes.set_ylim(y0 - foot - pad, y1 + pad)
+    _scale_bar(axes, (x0, y0 - 0.55 * foot), x1 - x0)
+    if names and len(world.obstacles) <= MOST_NAMES:
+        _names(axes, world)
+
+
+def _outline(polygon: shapely.Polygon) -> Outline:
+    rings = [polygon.exterior, *polygon.interiors]
+    return Outline.make_compound_path(
+        *(Outline(np.asarray(ring.coords)[:, :2], closed=True) for ring in rings)
+    )
+
+
+def _scale_bar(axes: Axes, at: tuple[float, float], width: float) -> None:
+    power = 10.0 ** math.floor(math.log10(width / 4.0))
+    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= width / 4.0)
+    axes.plot([at[0], at[0] + length], [at[1], at[1]], color=INK.light, lw=2.5, solid_capstyle="butt")
+    axes.annotate(
+        f"{length:g} m", (at[0] + length, at[1]), (5, 0), textcoords="offset points", va="center", fontsize=10
+    )
+
+
+def _names(axes: Axes, world: World) -> None:
+    axes.figure.figure.draw_without_rendering()
+    for obstacle in world.obstacles:
+        name = label(obstacle.name)
+        if not name:
+            continue
+        corners = np.array(obstacle.vertices)
+        if len(corners) >= 3:
+            point = (
+                shapely.Polygon(corners).representative_point()
+                if len(corners) > 4
+                else shapely.MultiPoint(corners).centroid
+            )
+            text = axes.text(point.x, point.y, name, ha="center", va="center", fontsize=10, color=MUTED.light)
+            box = axes.transData.transform(corners)
+            if text.get_window_extent().width > np.ptp(box[:, 0]) - 4.0:
+                text.remove()
+        else:
+            halo(
+                axes.annotate(
+                    name,
+                    corners.mean(axis=0),
+                    (5, 5),
+                    textcoords="offset points",
+                    fontsize=9,
+                    color=MUTED.light,
+                )
+            )
+
+
+def draw_speed(axes: Axes, motion: Trajectory, *, width: float) -> ScalarMappable:
+    """The path in pieces coloured by speed, with a thin rim so that every colour stands out on every ground."""
+    s = motion.arc_length
+    at = np.linspace(0.0, s[-1], COLOURED_PIECES + 1)
+    points = np.column_stack([np.interp(at, s, motion.x), np.interp(at, s, motion.y)])
+    middle = np.interp(0.5 * (at[1:] + at[:-1]), s, motion.v)
+    colours = ScalarMappable(
+        Normalize(0.0, float(motion.v.max()) or 1.0), matplotlib.colormaps[SPEED_MAP].resampled(BAR_STEPS)
+    )
+    axes.plot(*points.T, color=CASING.light, lw=width + 1.6)
+    axes.add_collection(
+        LineCollection(
+            list(np.stack([points[:-1], points[1:]], axis=1)),
+            colors=colours.to_rgba(middle),
+            linewidths=width,
+            capstyle="round",
+            zorder=2,
+        )
+    )
+    return colours
+
+
+def draw_ends(axes: Axes, problem: Problem, motion: Trajectory | None) -> None:
+    """The robot's disc at start and goal, to scale, with its direction of motion where known."""
+    for name, end, row in (("start", problem.start, 0), ("goal", problem.goal, -1)):
+        x, y = end.position
+        radius = problem.robot.radius
+        axes.add_patch(Circle((x, y), radius, facecolor=PAPER.light, edgecolor=INK.light, lw=1.4, zorder=4))
+        axes.plot(
+            x, y, "o" if name == "start" else "X", color=INK.light, ms=4 if name == "start" else 6, zorder=5
+        )
+        if motion is not None and radius > 0.0:
+            heading = motion.heading[row]
+            axes.plot(
+                [x, x + radius * math.cos(heading)],
+                [y, y + radius * math.sin(heading)],
+                color=INK.light,
+                lw=1.4,
+                zorder=5,
+            )
+        pixels = np.ptp(axes.transData.transform([[0.0, 0.0], [radius, 0.0]])[:, 0])
+        x0, y0, x1, y1 = problem.world.bounds
+        up, right = y < 0.5 * (y0 + y1), x < 0.5 * (x0 + x1)
+        halo(
+            axes.annotate(
+                name,
+                (x, y),
+                (pixels + 3 if right else -pixels - 3, pixels + 3 if up else -pixels - 3),
+                textcoords="offset points",
+                weight="bold",
+                zorder=6,
+                ha="left" if right else "right",
+                va="bottom" if up else "top",
+            )
+        )

@@ -1,0 +1,237 @@
+"""Speed along the way and acceleration in the friction circle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, Rectangle
+from numpy.typing import NDArray
+
+from verify.report.curves import Curve, label_curves
+from verify.report.evidence import SimulatedRun
+from verify.report.palette import INK, LIMIT, MUTED, Dash, method
+from verify.report.series import row_ends, thinned
+from verify.report.svg import NARROW, PANEL, WIDE, Picture, drawing_style, new_axes, to_svg
+from vnav_drake.plan import Trajectory
+from vnav_drake.problem import Problem
+
+Array = NDArray[np.float64]
+
+LIMIT_DASH: Dash = (0, (5, 2))
+BEND_DASH: Dash = (0, (1.2, 1.6))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpeedData:
+    """The executed speed and what limits it."""
+
+    problem: Problem
+    motion: Trajectory
+    plan: str  # method of `motion`
+    variational: Trajectory | None
+    simulation: SimulatedRun | None
+    over: Literal["path", "time"]
+
+
+def draw_speed_curve(data: SpeedData) -> Picture:
+    """Speed over path length or over time against the braking limit V(d) and the other limits."""
+    over = "path length" if data.over == "path" else "time"
+    described = {
+        "key": f"speed-{data.over}",
+        "title": f"Speed over {over}",
+        "description": f"Speed of the executed motion over {over}, from {data.motion.v[0]:.2f} m/s at the start to "
+        f"{data.motion.v[-1]:.2f} m/s at the goal, greatest {data.motion.v.max():.2f} m/s, "
+        "below the dashed braking limit V(d) along the same path.",
+    }
+    with drawing_style():
+        return Picture(
+            **described,
+            svg=_speed(data, described, WIDE, 300),
+            narrow=_speed(data, {**described, "key": described["key"] + "-narrow"}, NARROW, 250),
+        )
+
+
+def _speed(data: SpeedData, described: dict[str, str], width: float, height: float) -> Markup:
+    problem, rows, look = data.problem, row_ends(data.motion), method(data.plan)
+    x, unit = (rows.s, "path length [m]") if data.over == "path" else (rows.t, "time [s]")
+    figure, axes = new_axes(width, height, x=unit, y="speed [m/s]")
+    short = width < WIDE
+    limit = problem.braking.speed(rows.clearance)
+    top = 1.18 * max(float(rows.v.max()), float(limit.max()))
+    curves = []
+
+    def draw(x: Array, y: Array, text: str, colour: str, words: str, dash: Dash, line: float) -> None:
+        axes.plot(*thinned(x, y), color=colour, ls=dash, lw=line, dash_capstyle="butt")
+        curves.append(Curve(x=x, y=np.minimum(y, 2.0 * top), text=text, colour=words))
+
+    draw(x, limit, "V(d)" if short else "braking limit V(d)", LIMIT.light, LIMIT.light, LIMIT_DASH, 1.4)
+    bend = _bend_limit(problem, rows.curvature)
+    if np.any(bend < top):
+        words = "bends" if short else f"{_bend_name(problem)} √(limit/|κ|)"
+        draw(x, bend, words, MUTED.light, MUTED.light, BEND_DASH, 1.4)
+    if problem.robot.max_speed < top:
+        cap = np.full(len(x), problem.robot.max_speed)
+        draw(x, cap, "v_max", LIMIT.light, LIMIT.light, LIMIT_DASH, 1.0)
+    if data.over == "time" and data.variational is not None and data.plan != "collocation":
+        other = method("collocation")
+        draw(data.variational.t, data.variational.v, "variational", other.light, other.text, other.dash, 1.3)
+    draw(
+        x,
+        rows.v,
+        "executed",
+        look.light,
+        look.text,
+        look.dash if data.plan == "voronoi_route" else "solid",
+        2.2,
+    )
+    if data.simulation is not None:
+        run = data.simulation
+        other = method("simulation")
+        along = run.arc_length if data.over == "path" else run.t
+        draw(along, run.v, "simulated", other.light, other.text, other.dash, 1.2)
+    axes.set_xlim(0.0, max(float(c.x[-1]) for c in curves))
+    axes.set_ylim(0.0, top)
+    label_curves(axes, curves)
+    return to_svg(figure, **described)
+
+
+def _bend_limit(problem: Problem, curvature: Array) -> Array:
+    """Greatest speed [m/s] in a bend by sliding, tip-over and friction reserve; infinite on straights."""
+    bend = np.abs(curvature)
+    square = np.divide(problem.lateral_limit, bend, out=np.full_like(bend, math.inf), where=bend > 0.0)
+    return np.sqrt(square)
+
+
+def _bend_name(problem: Problem) -> str:
+    robot = problem.robot
+    if problem.friction_reserve and problem.lateral_limit < min(
+        robot.friction_acceleration, robot.tip_acceleration
+    ):
+        return "friction reserve in bends"
+    return "tip-over in bends" if robot.tip_acceleration < robot.friction_acceleration else "sliding in bends"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionData:
+    """Accelerations of the motions, and the limits of the robot."""
+
+    problem: Problem
+    motions: Sequence[tuple[str, Trajectory]]  # (method, motion), the executed one last
+
+
+def draw_friction(data: FrictionData) -> Sequence[Picture]:
+    """Acceleration in the friction circle; a second, closer view where the motion stays far inside."""
+    robot = data.problem.robot
+    used = max(
+        float(np.max(np.hypot(rows.a, rows.lateral))) for rows in (row_ends(m) for _, m in data.motions)
+    )
+    share = used / robot.friction_acceleration
+    near = 1.3 * max(used, robot.max_braking, robot.max_acceleration) / robot.friction_acceleration
+    spoken = f"The executed motions use at most {100.0 * share:.0f} % of the friction."
+    pictures = []
+    with drawing_style():
+        views = [("friction", "The whole friction circle", 1.15)]
+        if near < 0.7:
+            views.append(("friction-near", "The part that is used", near))
+        for key, title, reach in views:
+            svg = _circle(data, key, title, spoken, reach, near if key == "friction" and near < 0.7 else None)
+            pictures.append(Picture(key=key, title=title, description=spoken, svg=svg, heading=title))
+    return pictures
+
+
+def _circle(
+    data: FrictionData, key: str, title: str, spoken: str, reach: float, inset: float | None
+) -> Markup:
+    robot, mu_g = data.problem.robot, data.problem.robot.friction_acceleration
+    figure, axes = new_axes(
+        PANEL, PANEL, x="across the path  v²κ / μg   (left turns positive)", y="along the path  a / μg"
+    )
+    axes.set_aspect("equal")
+    reach = max(reach, 1.0001 * reach)
+    axes.set_xlim(-reach, reach)
+    axes.set_ylim(-reach, reach)
+    axes.axhline(0, color=MUTED.light, lw=0.6)
+    axes.axvline(0, color=MUTED.light, lw=0.6)
+    for i, (name, motion) in enumerate(data.motions):
+        rows, look, last = row_ends(motion), method(name), i == len(data.motions) - 1
+        points = np.column_stack([rows.lateral, rows.a]) / mu_g
+        kept = _distinct(points, reach / 250.0)
+        axes.plot(
+            *kept.T,
+            color=look.light,
+            lw=1.6 if last else 1.0,
+            ls="solid" if last else look.dash,
+            zorder=3 if last else 2,
+        )
+    axes.add_patch(Circle((0, 0), 1.0, fill=False, ec=LIMIT.light, ls=LIMIT_DASH, lw=1.4))
+    _note(axes, 0.0, 1.0, f"friction μg = {mu_g:.2f} m/s²", reach)
+    if inset is None:
+        axes.add_patch(
+            Circle((0, 0), robot.max_braking / mu_g, fill=False, ec=MUTED.light, ls=BEND_DASH, lw=1.0)
+        )
+        for value, text in ((robot.max_acceleration, "drive a_max"), (-robot.max_braking, "brakes −a_b")):
+            axes.axhline(value / mu_g, color=LIMIT.light, lw=1.2, ls=LIMIT_DASH)
+            _note(
+                axes,
+                -0.97 * reach,
+                value / mu_g,
+                f"{text} = {value:.2f} m/s²".replace("-", "−"),
+                reach,
+                left=True,
+            )
+    else:
+        axes.add_patch(Rectangle((-inset, -inset), 2 * inset, 2 * inset, fill=False, ec=INK.light, lw=0.9))
+        axes.text(
+            0,
+            -inset - 0.03,
+            "shown closer beside or below",
+            ha="center",
+            va="top",
+            fontsize=9,
+            color=MUTED.light,
+        )
+    sides = [(robot.tip_acceleration, "tip-over")]
+    if data.problem.friction_reserve:
+        sides.append((robot.reserved_lateral_acceleration(), "friction reserve"))
+    for value, text in sides:
+        if value / mu_g < reach:
+            for sign in (-1, 1):
+                axes.axvline(sign * value / mu_g, color=LIMIT.light, lw=1.2, ls=LIMIT_DASH)
+            axes.text(
+                value / mu_g - 0.02 * reach,
+                -0.96 * reach,
+                f"{text} {value:.2f} m/s²",
+                rotation=90,
+                fontsize=9,
+                color=LIMIT.light,
+                ha="right",
+                va="bottom",
+            )
+    return to_svg(figure, key=key, title=title, description=spoken)
+
+
+def _note(axes: Axes, x: float, y: float, text: str, reach: float, *, left: bool = False) -> None:
+    if abs(y) < 0.97 * reach:
+        axes.annotate(
+            text,
+            (x, y),
+            (0, 3),
+            textcoords="offset points",
+            ha="left" if left else "center",
+            va="bottom",
+            fontsize=9.5,
+            color=LIMIT.light,
+        )
+
+
+def _distinct(points: Array, step: float) -> Array:
+    """The points without those that fall on the same grid cell as the one before."""
+    cell = np.round(points / step).astype(np.int64)
+    new = np.concatenate([[True], np.any(np.diff(cell, axis=0) != 0, axis=1)])
+    return points[new]

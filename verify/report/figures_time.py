@@ -1,0 +1,103 @@
+"""The bracket: all travel times on one axis, the proven bound on the left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from verify.report.numbers import percent, seconds
+from verify.report.palette import INK, LIMIT, MUTED, method
+from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_axes, to_svg
+
+
+@dataclass(frozen=True, kw_only=True)
+class BracketRow:
+    """One travel time of the bracket."""
+
+    method: str
+    travel_time: float  # [s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BracketData:
+    """Travel times from top to bottom, and what they are compared with."""
+
+    rows: Sequence[BracketRow]
+    reference: str  # method whose time is 0 %
+    executed: str  # method whose motion is executed
+
+
+def draw_bracket(data: BracketData) -> Picture:
+    """Dot plot of travel times; distances from the reference in percent beside it."""
+    spoken = "; ".join(f"{method(r.method).label} {seconds(r.travel_time)}" for r in data.rows)
+    described = {
+        "key": "bracket",
+        "title": "Travel times on one axis",
+        "description": f"Dots on a time axis, one row a method: {spoken}.",
+    }
+    with drawing_style():
+        return Picture(
+            **described,
+            svg=_draw(data, described, narrow=False),
+            narrow=_draw(data, {**described, "key": "bracket-narrow"}, narrow=True),
+        )
+
+
+def _draw(data: BracketData, described: dict[str, str], *, narrow: bool):  # type: ignore[no-untyped-def]
+    rows = data.rows
+    pitch = 46 if narrow else 34
+    figure, axes = new_axes(NARROW if narrow else WIDE, 56 + pitch * len(rows), x="travel time [s]", y="")
+    reference = next((r.travel_time for r in rows if r.method == data.reference), None)
+    for i, row in enumerate(rows):
+        look = method(row.method)
+        bold = "bold" if row.method == data.executed else "normal"
+        if reference is not None:
+            axes.plot([reference, row.travel_time], [i, i], color=look.light, lw=2.5, solid_capstyle="butt")
+        axes.plot(
+            row.travel_time, i, look.marker, color=look.light, ms=9, mec=INK.light, mew=0.8, clip_on=False
+        )
+        note = seconds(row.travel_time)
+        if row.method == data.reference:
+            note += "   reference"
+        elif reference is not None:
+            note += "   " + percent(row.travel_time / reference - 1.0, signed=True)
+        if narrow:
+            axes.annotate(
+                f"{look.label}   {note}",
+                (0.0, i),
+                (0, 9),
+                xycoords=("axes fraction", "data"),
+                textcoords="offset points",
+                color=look.text,
+                weight=bold,
+                fontsize=10,
+                va="bottom",
+            )
+        else:
+            for text, x, side in ((look.label, -0.012, "right"), (note, 1.02, "left")):
+                axes.annotate(
+                    text,
+                    (x, i),
+                    xycoords=("axes fraction", "data"),
+                    ha=side,
+                    va="center",
+                    color=look.text,
+                    weight=bold,
+                )
+    if reference is not None:
+        axes.axvline(
+            reference,
+            color=LIMIT.light if data.reference == "lower_bound" else MUTED.light,
+            lw=1,
+            ls="--",
+            zorder=0,
+        )
+    times = [r.travel_time for r in rows]
+    pad = max(0.05 * (max(times) - min(times)), 2e-4 * max(times))
+    axes.set_xlim(min(times) - pad, max(times) + pad)
+    axes.set_ylim(len(rows) - 0.5, -0.75 if narrow else -0.5)
+    axes.set_yticks([])
+    axes.spines["left"].set_visible(False)
+    axes.locator_params(axis="x", nbins=4 if narrow else 8)
+    axes.xaxis.get_major_formatter().set_useOffset(False)  # type: ignore[attr-defined]
+    return to_svg(figure, **described)

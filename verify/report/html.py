@@ -1,0 +1,89 @@
+"""Templates to files: escaping, the page's content policy, and writing whole files."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import re
+import tempfile
+import unicodedata
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from verify.report.palette import css_variables
+from verify.report.svg import plain
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("verify.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["plain"] = plain
+    environment.filters["visible"] = visible
+    return environment
+
+
+@cache
+def stylesheet() -> str:
+    """The style sheet with the palette filled in."""
+    environment = _environment()
+    source = environment.loader.get_source(environment, "style.css")[0]  # type: ignore[union-attr]
+    return source.replace("/*light*/", css_variables(dark=False)).replace(
+        "/*dark*/", css_variables(dark=True)
+    )
+
+
+def content_policy() -> str:
+    """Nothing may be loaded or run; the one style sheet is known by its hash."""
+    digest = base64.b64encode(hashlib.sha256(stylesheet().encode()).digest()).decode()
+    return (
+        f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:; base-uri 'none'; form-action 'none'"
+    )
+
+
+def render(template: str, **values: Any) -> str:
+    """A page from its template. All values are escaped except our own drawings."""
+    style = Markup(stylesheet())
+    return _environment().get_template(template).render(style=style, policy=content_policy(), **values) + "\n"
+
+
+_KEPT = "\n\t"
+
+
+def visible(text: str) -> str:
+    """Text line by line, with control and direction characters spelt out, so that what one reads is what it says."""
+    lines = re.sub(r"\r\n?", "\n", text)
+    return "".join(
+        f"⟨U+{ord(c):04X}⟩"
+        if c not in _KEPT and unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")
+        else c
+        for c in lines
+    )
+
+
+def write_whole(file: Path, text: str) -> None:
+    """Write `text` aside and rename: readers see the old file or the new one, never half of it.
+
+    Raises
+    ------
+    OSError : the file cannot be written; an older one is untouched.
+    """
+    handle, aside = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
+            stream.write(text)
+        Path(aside).chmod(0o644)
+        Path(aside).replace(file)
+    except BaseException:
+        Path(aside).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,65 @@
+"""The index of a report folder: all scenarios side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from verify.report import story
+from verify.report.html import render, write_whole
+from verify.report.numbers import metres, number_in, percent, seconds
+
+
+@dataclass(frozen=True, kw_only=True)
+class IndexRow:
+    """One scenario."""
+
+    name: str
+    link: str
+    headline: str
+    standing: str
+    travel_time: str
+    length: str
+    optimum: str
+    above: str
+    lower_bound: str
+    gap: str
+    simulated: str
+    gates: str
+
+
+def write_index(file: Path, results: Sequence[tuple[str, Mapping[str, Any]]]) -> None:
+    """Write the index page of `results`, pairs of a scenario's folder name beside `file` and its result.
+
+    Raises
+    ------
+    OSError : the file cannot be written; an older one is untouched.
+    """
+    rows = [_row(name, result) for name, result in results]
+    counts = {kind: sum(row.standing == kind for row in rows) for kind in ("bad", "open", "good")}
+    write_whole(file, render("index.html", rows=rows, counts=counts))
+
+
+def _row(name: str, result: Mapping[str, Any]) -> IndexRow:
+    times, plan = story.travel_times(result), story.executed_plan(result)
+    time, optimum = times.get(plan), times.get("collocation")
+    gates = story.gate_rows(result)
+    passed = sum(row.status == story.PASSED for row in gates)
+    waiting = sum(row.status == story.NOT_EVALUATED for row in gates)
+    return IndexRow(
+        name=name,
+        link=f"./{quote(name, safe='')}/report.html",
+        headline=story.headline(result),
+        standing=story.standing(result),
+        travel_time=seconds(time),
+        length=metres(number_in(result, "plans", plan, "length")),
+        optimum=seconds(optimum),
+        above=percent(time / optimum - 1.0, signed=True) if time is not None and optimum else "–",
+        lower_bound=seconds(times.get("lower_bound")),
+        gap=percent(number_in(result, "gaps", "certified")),
+        simulated=seconds(times.get("simulation")),
+        gates=f"{passed} of {len(gates)} hold" + (f", {waiting} not evaluated" if waiting else ""),
+    )

@@ -1,0 +1,261 @@
+"""The report of one scenario: one self-contained HTML file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from verify.report import story
+from verify.report.evidence import Evidence, read_evidence
+from verify.report.figures_map import MapData, draw_map
+from verify.report.figures_margins import MarginsData, draw_margins
+from verify.report.figures_mesh import MeshData, draw_mesh
+from verify.report.figures_motion import FrictionData, SpeedData, draw_friction, draw_speed_curve
+from verify.report.figures_time import BracketData, BracketRow, draw_bracket
+from verify.report.figures_tracking import TrackingData, draw_tracking
+from verify.report.html import render, write_whole
+from verify.report.numbers import duration, number_in, significant
+from verify.report.palette import method
+from verify.report.series import margins, mesh_of
+from verify.report.svg import Picture
+from verify.report.wording import GLOSSARY, VERDICTS
+from vnav_drake.plan import Trajectory
+from vnav_drake.problem import Problem
+
+if TYPE_CHECKING:
+    from vnav_drake.scenario import Scenario
+    from vnav_drake.voronoi import VoronoiDiagram
+
+ARC_SPACING_SHARE = 1.0 / 400.0  # of the world's diameter: about two pixels on a map
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportExtras:
+    """What the result folder does not hold; for pictures only, never for figures of the verdict."""
+
+    diagram: VoronoiDiagram | None = None
+    voronoi_polylines: Sequence[np.ndarray] = ()  # (n, 2) [m] each, used when there is no diagram
+    # per plan: rounds of mesh refinement with the keys
+    # round, intervals, iterations, travel_time [s], worst_violation, solver_time [s]
+    history: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
+    timings: Mapping[str, float] = field(default_factory=dict)  # stage -> [s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """Pictures under one heading, or why there are none."""
+
+    pictures: Sequence[Picture]
+    missing: str = ""
+
+
+def write_report(
+    file: Path, *, scenario: Scenario, result: Mapping[str, Any], folder: Path, extras: ReportExtras
+) -> None:
+    """Write the report of one scenario to `file`, whole or not at all.
+
+    Parameters
+    ----------
+    file : where to write; its folder must exist.
+    scenario : the question.
+    result : the content of result.json; every figure of the verdict comes from here.
+    folder : the result folder with the trajectories; what is missing there is named in the page.
+    extras : what only pictures need.
+
+    Raises
+    ------
+    OSError : the file cannot be written.
+    """
+    evidence, problem = read_evidence(folder), scenario.problem
+    plan = evidence.executed_plan or "refined"
+    rest = problem.start.speed != "safe" or problem.goal.speed != "safe"
+    text = render(
+        "report.html",
+        name=scenario.name,
+        description=scenario.description,
+        verdict=story.verdict(result),
+        verdict_meaning=VERDICTS.get(story.verdict(result), ("", ""))[1],
+        headline=story.headline(result),
+        standing=story.standing(result),
+        answer=story.answer(result, rest_ends=rest),
+        gate_summary=story.gate_summary(result),
+        gates=story.gate_rows(result),
+        checks=story.check_rows(result),
+        failing=[row for row in story.gate_rows(result) if row.status == story.FAILED],
+        failing_checks=[row for row in story.check_rows(result) if row.status == story.FAILED],
+        marks=story.MARKS,
+        key_figures=story.key_figures(result, evidence),
+        times=story.time_rows(result),
+        reference=method(story.reference_plan(result)).label if story.reference_plan(result) else "",
+        bracket=_bracket(result),
+        map=_map(problem, evidence, extras),
+        map_lines=[method(name) for name, _ in _map_lines(evidence)],
+        has_arcs=extras.diagram is not None or bool(extras.voronoi_polylines),
+        speed=_with_motion(
+            evidence,
+            lambda motion: [
+                draw_speed_curve(
+                    SpeedData(
+                        problem=problem,
+                        motion=motion,
+                        plan=plan,
+                        over=over,
+                        simulation=evidence.simulation,
+                        variational=evidence.plans.get("collocation"),
+                    )
+                )
+                for over in ("path", "time")
+            ],
+        ),
+        friction=_with_motion(
+            evidence,
+            lambda motion: draw_friction(
+                FrictionData(problem=problem, motions=_compared(evidence, plan, motion))
+            ),
+        ),
+        tip_acceleration=significant(problem.robot.tip_acceleration),
+        margins=_with_motion(
+            evidence, lambda motion: draw_margins(_margins(problem, evidence, plan, motion))
+        ),
+        compared=[method(name) for name in ("collocation", plan) if name == plan or name in evidence.plans],
+        mesh=_mesh(problem, result, evidence, extras),
+        rounds=[
+            (method(name), story.history_rows(rounds)) for name, rounds in extras.history.items() if rounds
+        ],
+        tracking=_tracking(problem, evidence, plan),
+        not_evaluated=story.not_evaluated(result, evidence),
+        scenario_text=evidence.scenario_text,
+        scenario_reason=evidence.reason("scenario.yaml"),
+        scenario_sha256=story.words(result.get("scenario_sha256")),
+        robot=_robot_rows(problem),
+        versions=sorted((str(k), story.words(v)) for k, v in story.mapping(result, "versions").items()),
+        timings=[(stage, duration(time)) for stage, time in extras.timings.items()],
+        total=duration(math.fsum(extras.timings.values())),
+        files=sorted((str(k), story.words(v)) for k, v in story.mapping(result, "files").items()),
+        glossary=GLOSSARY,
+    )
+    write_whole(file, text)
+
+
+def _bracket(result: Mapping[str, Any]) -> Section:
+    times = story.travel_times(result)
+    if not times:
+        return Section(pictures=(), missing="No stage produced a travel time.")
+    data = BracketData(
+        rows=[BracketRow(method=name, travel_time=time) for name, time in times.items()],
+        reference=story.reference_plan(result),
+        executed=story.executed_plan(result),
+    )
+    return Section(pictures=[draw_bracket(data)])
+
+
+def _map_lines(evidence: Evidence) -> list[tuple[str, Trajectory]]:
+    return [(name, motion) for name, motion in evidence.plans.items() if name != evidence.executed_plan]
+
+
+def _map(problem: Problem, evidence: Evidence, extras: ReportExtras) -> Section:
+    if extras.diagram is not None:
+        arcs = list(extras.diagram.polylines(problem.world.diameter * ARC_SPACING_SHARE))
+    else:
+        arcs = list(extras.voronoi_polylines)
+    picture = draw_map(
+        MapData(problem=problem, arcs=arcs, others=_map_lines(evidence), executed=evidence.executed)
+    )
+    reason = (
+        ""
+        if evidence.executed is not None
+        else f"No executed path to draw: {evidence.reason('trajectory.csv')}."
+    )
+    return Section(pictures=[picture], missing=reason)
+
+
+def _with_motion(evidence: Evidence, draw: Callable[[Trajectory], Sequence[Picture]]) -> Section:
+    if evidence.executed is None:
+        return Section(pictures=(), missing=f"No motion to draw: {evidence.reason('trajectory.csv')}.")
+    return Section(pictures=draw(evidence.executed))
+
+
+def _compared(evidence: Evidence, plan: str, motion: Trajectory) -> list[tuple[str, Trajectory]]:
+    other = evidence.plans.get("collocation")
+    return (
+        [("collocation", other), (plan, motion)]
+        if other is not None and plan != "collocation"
+        else [(plan, motion)]
+    )
+
+
+def _margins(problem: Problem, evidence: Evidence, plan: str, motion: Trajectory) -> MarginsData:
+    other = evidence.plans.get("collocation") if plan != "collocation" else None
+    return MarginsData(
+        executed=margins(motion, problem),
+        plan=plan,
+        variational={} if other is None else {margin.key: margin for margin in margins(other, problem)},
+    )
+
+
+def _mesh(problem: Problem, result: Mapping[str, Any], evidence: Evidence, extras: ReportExtras) -> Section:
+    limits = [gate for gate in story.entries(result, "gates") if gate.get("name") == "constraint_violation"]
+    collocated = {name: evidence.plans[name] for name in ("collocation", "refined") if name in evidence.plans}
+    data = MeshData(
+        world=problem.world,
+        meshes={name: mesh_of(motion) for name, motion in collocated.items()},
+        history=extras.history,
+        violation_limit=number_in(limits[0], "limit") if limits else None,
+    )
+    pictures = draw_mesh(data)
+    reason = evidence.reason("trajectories/collocation.csv", "trajectories/refined.csv")
+    return Section(pictures=pictures, missing=f"Not drawn: {reason}." if reason else "")
+
+
+def _tracking(problem: Problem, evidence: Evidence, plan: str) -> Section:
+    if evidence.executed is None or evidence.simulation is None:
+        reason = evidence.reason("trajectory.csv", "simulation.csv")
+        return Section(pictures=(), missing=f"No simulated run to draw: {reason}.")
+    data = TrackingData(world=problem.world, plan=evidence.executed, method=plan, run=evidence.simulation)
+    return Section(pictures=draw_tracking(data))
+
+
+def _robot_rows(problem: Problem) -> list[tuple[str, str, str]]:
+    """Limit, value with unit, where it comes from."""
+    robot, braking = problem.robot, problem.braking
+
+    def limited(value: float, unit: str) -> str:
+        return f"{value:g}\u00a0{unit}" if math.isfinite(value) else "not limited"
+
+    return [
+        ("Radius", limited(robot.radius, "m"), "disc that contains the body"),
+        ("Mass", limited(robot.mass, "kg"), ""),
+        ("Wheelbase", limited(robot.wheelbase, "m"), ""),
+        ("Track", limited(robot.track, "m"), ""),
+        ("Height of the centre of mass", limited(robot.com_height, "m"), ""),
+        ("Friction μ", f"{robot.friction:g}", f"μg = {robot.friction_acceleration:.3f} m/s², eq. (A.2)"),
+        ("Braking a_b", limited(robot.max_braking, "m/s²"), "eq. (3.13)"),
+        ("Acceleration a_max", limited(robot.max_acceleration, "m/s²"), "drive limit"),
+        ("Top speed v_max", limited(robot.max_speed, "m/s"), ""),
+        (
+            "Steering ω_max",
+            limited(robot.max_steering, "rad"),
+            f"|κ| ≤ {robot.max_curvature:.3f} 1/m, eq. (A.1)",
+        ),
+        ("Steering rate", limited(robot.max_steering_rate, "rad/s"), ""),
+        ("Tip-over", limited(round(robot.tip_acceleration, 3), "m/s²"), "g w / 2h, eq. (A.3)"),
+        ("Reaction time", limited(braking.reaction_time, "s"), "braking law"),
+        ("Braking margin", limited(braking.margin, "m"), "braking law"),
+        (
+            "Friction reserve",
+            "kept" if problem.friction_reserve else "not asked for",
+            "full braking while turning",
+        ),
+        ("Start", _end(problem.start.position, problem.start.speed), ""),
+        ("Goal", _end(problem.goal.position, problem.goal.speed), ""),
+    ]
+
+
+def _end(position: tuple[float, float], speed: float | str) -> str:
+    pace = f"speed {speed}" if isinstance(speed, str) else f"speed {speed:g} m/s"
+    return f"({position[0]:g}, {position[1]:g}) m, {pace}".replace("-", "−")

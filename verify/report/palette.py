@@ -1,0 +1,124 @@
+"""Every colour of the report, defined once: for light pages, dark pages and print.
+
+Figures are drawn with the light colours; `svg.py` then turns each of them into a CSS variable, so that one
+picture serves both grounds. Method colours are those of Okabe and Ito (2008, "Color Universal Design"),
+lightened for dark grounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+Dash = str | tuple[float, tuple[float, ...]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """How one source of travel times looks and reads everywhere."""
+
+    key: str
+    label: str
+    kind: str  # analytic, optimised, simulated, proven
+    light: str  # line on a light ground
+    dark: str  # line on a dark ground
+    text: str  # text on a light ground, contrast at least 4.5
+    marker: str
+    dash: Dash = "solid"
+
+    @property
+    def variable(self) -> str:
+        """CSS variable of the line colour."""
+        return f"--{self.key.replace('_', '-')}"
+
+
+# Order of rows in tables and of rows in the time bracket.
+METHODS: Mapping[str, Method] = MappingProxyType(
+    {
+        method.key: method
+        for method in (
+            Method(key="lower_bound", label="Lower bound", kind="proven",
+                   light="#2b2b2a", dark="#e6e6e2", text="#2b2b2b", marker=">"),
+            Method(key="voronoi_route", label="Voronoi route", kind="analytic",
+                   light="#e69f00", dark="#f0b53c", text="#8a5f00", marker="D", dash=(0, (5, 1.5))),
+            Method(key="vc_method", label="vc-method", kind="analytic",
+                   light="#cc79a7", dark="#e3a3c6", text="#9a3f72", marker="v", dash=(0, (6, 1.5, 1, 1.5))),
+            Method(key="speed_graph", label="Speed graph", kind="analytic",
+                   light="#56b4e9", dark="#8ed2fb", text="#17699c", marker="P", dash=(0, (3, 1.5))),
+            Method(key="dwa", label="Dynamic window", kind="baseline",
+                   light="#c9b800", dark="#f0e442", text="#6e6400", marker="X", dash=(0, (1, 1.2))),
+            Method(key="collocation", label="Variational collocation", kind="optimised",
+                   light="#0072b2", dark="#4ba3e3", text="#00629a", marker="o", dash=(0, (2.2, 1.4))),
+            Method(key="refined", label="Full-robot collocation", kind="optimised",
+                   light="#009e73", dark="#2cc795", text="#00714f", marker="s"),
+            Method(key="simulation", label="Simulated run", kind="simulated",
+                   light="#d55e00", dark="#ff8a4a", text="#a84900", marker="^", dash=(0, (4, 1, 1, 1))),
+        )
+    }
+)  # fmt: skip
+
+
+def method(key: str) -> Method:
+    """The look of `key`; a method of no name of its own is drawn in grey and called by its key."""
+    if key in METHODS:
+        return METHODS[key]
+    return Method(key="other", label=key.replace("_", " "), kind="other",
+                  light="#77777a", dark="#a5a5a8", text="#5a5a5c", marker="h")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A neutral or warning colour on both grounds."""
+
+    light: str
+    dark: str
+
+
+INK = Tone("#1f2328", "#e8eaed")  # text and axes
+MUTED = Tone("#5b6470", "#a9b1bb")  # secondary text, ticks
+RULE = Tone("#d5dae0", "#3b424b")  # grid lines
+PAPER = Tone("#fefefe", "#161a1f")  # ground of figures
+FLOOR = Tone("#f8f8f6", "#1d2228")  # free floor on maps
+RACK = Tone("#c9ced6", "#4a525d")  # obstacles on maps
+RACK_EDGE = Tone("#7f8894", "#8b95a2")
+ARC = Tone("#a3abb6", "#66707c")  # Voronoi arcs
+LIMIT = Tone("#a3122f", "#ff8095")  # limits and violations
+BAD_FILL = Tone("#fbe3e6", "#46202a")  # ground where a limit is broken
+CASING = Tone("#2f353c", "#dfe3e8")  # outline of the line that carries the speed colours
+
+_TONES: Mapping[str, Tone] = MappingProxyType(
+    {
+        "--ink": INK,
+        "--muted": MUTED,
+        "--rule": RULE,
+        "--paper": PAPER,
+        "--floor": FLOOR,
+        "--rack": RACK,
+        "--rack-edge": RACK_EDGE,
+        "--arc": ARC,
+        "--limit": LIMIT,
+        "--bad-fill": BAD_FILL,
+        "--casing": CASING,
+    }
+)
+
+SPEED_MAP = "cividis"  # matplotlib's name: sequential, reads the same for every colour vision, prints in grey
+
+
+def _pairs() -> dict[str, Tone]:
+    pairs = dict(_TONES)
+    for item in (*METHODS.values(), method("other")):
+        pairs[item.variable] = Tone(item.light, item.dark)
+        pairs[item.variable + "-text"] = Tone(item.text, item.dark)
+    return pairs
+
+
+def css_variables(*, dark: bool) -> str:
+    """Declarations of all colours, for the inside of a CSS rule."""
+    return " ".join(f"{name}: {tone.dark if dark else tone.light};" for name, tone in _pairs().items())
+
+
+def variable_of_colour() -> Mapping[str, str]:
+    """CSS variable of each light colour; the light colours are all different."""
+    return {tone.light: name for name, tone in _pairs().items()}

@@ -1,0 +1,371 @@
+"""From `result.json` to sentences and table rows. Every verdict figure comes from the result, none is computed here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from verify.report.evidence import Evidence
+from verify.report.numbers import (
+    DASH,
+    count,
+    duration,
+    metres,
+    number_in,
+    percent,
+    seconds,
+    significant,
+    with_unit,
+)
+from verify.report.palette import METHODS, Method, method
+from verify.report.wording import CHECKS, GAPS, GATES, VERDICTS, GateWords
+
+Result = Mapping[str, Any]
+
+PASSED, FAILED, NOT_EVALUATED = "passed", "failed", "not evaluated"
+MARKS = {PASSED: "✓", FAILED: "✗", NOT_EVALUATED: "–"}
+_ORDER = {FAILED: 0, NOT_EVALUATED: 1, PASSED: 2}
+
+
+@dataclass(frozen=True, kw_only=True)
+class GateRow:
+    """One gate as the page shows it."""
+
+    name: str
+    title: str
+    meaning: str
+    value: str
+    limit: str
+    status: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckRow:
+    """One check as the page shows it."""
+
+    name: str
+    title: str
+    trajectory: str
+    status: str
+    worst: str
+    where: str
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeRow:
+    """One travel time as the page shows it."""
+
+    look: Method
+    model: str
+    travel_time: str
+    above: str
+    length: str
+    solver: str
+    intervals: str
+    iterations: str
+    compute_time: str
+    executed: bool
+
+
+@dataclass(frozen=True)
+class KeyFigure:
+    """A figure at the top of the page."""
+
+    name: str
+    value: str
+    note: str = ""
+
+
+def entries(result: Result, key: str) -> list[Mapping[str, Any]]:
+    """The list at `key`, without anything in it that is not a mapping."""
+    found = result.get(key)
+    return [item for item in found if isinstance(item, Mapping)] if isinstance(found, list | tuple) else []
+
+
+def mapping(result: Result, key: str) -> Mapping[str, Any]:
+    """The mapping at `key`, empty when absent."""
+    found = result.get(key)
+    return found if isinstance(found, Mapping) else {}
+
+
+def words(value: Any) -> str:
+    """A text field, empty when absent."""
+    return value if isinstance(value, str) else "" if value is None else str(value)
+
+
+def verdict(result: Result) -> str:
+    """certified, refined or failed; `unknown` for anything else."""
+    found = result.get("verdict")
+    return found if isinstance(found, str) and found in VERDICTS else "unknown"
+
+
+def gate_rows(result: Result) -> list[GateRow]:
+    """Gates, failing first, then those not evaluated."""
+    rows = []
+    for gate in entries(result, "gates"):
+        name = words(gate.get("name"))
+        look = GATES.get(name) or GateWords(name.replace("_", " ").capitalize(), "", "1")
+        status = {True: PASSED, False: FAILED}.get(gate.get("passed"), NOT_EVALUATED)  # type: ignore[arg-type]
+        limit = number_in(gate, "limit")
+        sign = "≥" if look.at_least else "≤"
+        rows.append(
+            GateRow(
+                name=name,
+                title=look.title,
+                meaning=look.meaning,
+                value=_gate_figure(number_in(gate, "value"), look.unit),
+                limit=DASH if limit is None else f"{sign}\u00a0{_gate_figure(limit, look.unit)}",
+                status=status,
+                reason=words(gate.get("reason")),
+            )
+        )
+    return sorted(rows, key=lambda row: _ORDER[row.status])
+
+
+def _gate_figure(value: float | None, unit: str) -> str:
+    if unit == "%":
+        return percent(value)
+    if unit == "stops":
+        return count(value)
+    if unit == "m" and value == 0.0:
+        return "0\u00a0m"
+    return with_unit(value, unit)
+
+
+def check_rows(result: Result) -> list[CheckRow]:
+    """Checks, failing first, then those not evaluated."""
+    rows = []
+    for check in entries(result, "checks"):
+        name, status = words(check.get("name")), words(check.get("status"))
+        rows.append(
+            CheckRow(
+                name=name,
+                title=CHECKS.get(name, name.replace("_", " ")),
+                trajectory=words(check.get("trajectory")),
+                status=status if status in (PASSED, FAILED) else NOT_EVALUATED,
+                worst=with_unit(number_in(check, "worst"), words(check.get("unit"))),
+                where=_where(check.get("at")),
+                message=words(check.get("message")),
+            )
+        )
+    return sorted(rows, key=lambda row: _ORDER[row.status])
+
+
+def _where(at: Any) -> str:
+    t, x, y = (number_in(at, key) for key in "txy")
+    parts = [] if t is None else [f"{t:.3f}\u00a0s"]
+    if x is not None and y is not None:
+        parts.append(f"({x:.2f}, {y:.2f})\u00a0m".replace("-", "−"))
+    return " at ".join(parts) or DASH
+
+
+def executed_plan(result: Result) -> str:
+    """The plan whose motion is executed, "" if there is none."""
+    plans = mapping(result, "plans")
+    best = ("refined", "collocation", "speed_graph", "voronoi_route")
+    return next((name for name in best if number_in(plans, name, "travel_time") is not None), "")
+
+
+def reference_plan(result: Result) -> str:
+    """What times are compared with: the variational optimum, else the lower bound."""
+    times = travel_times(result)
+    return next((name for name in ("collocation", "lower_bound") if name in times), "")
+
+
+def travel_times(result: Result) -> dict[str, float]:
+    """Travel time [s] of everything that has one, in the order of tables."""
+    plans = mapping(result, "plans")
+    found = {name: number_in(plans, name, "travel_time") for name in plans if isinstance(name, str)}
+    found["lower_bound"] = number_in(result, "lower_bound", "travel_time")
+    found["simulation"] = number_in(result, "simulation", "travel_time")
+    order = {name: i for i, name in enumerate(METHODS)}
+    names = sorted(found, key=lambda name: (order.get(name, len(order) - 1.5), name))
+    return {name: time for name in names if (time := found[name]) is not None}
+
+
+def time_rows(result: Result) -> list[TimeRow]:
+    """The table of travel times, analytic against optimised."""
+    times = travel_times(result)
+    reference = times.get(reference_plan(result))
+    rows = []
+    for name, time in times.items():
+        if name in ("lower_bound", "simulation"):
+            facts = mapping(result, name)
+        else:
+            facts = mapping(mapping(result, "plans"), name)
+        rows.append(
+            TimeRow(
+                look=method(name),
+                model=words(facts.get("model")) if name != "simulation" else "vehicle in Drake",
+                travel_time=seconds(time),
+                above="reference"
+                if name == reference_plan(result)
+                else percent(time / reference - 1.0, signed=True)
+                if reference
+                else DASH,
+                length=metres(number_in(facts, "length")),
+                solver=words(facts.get("solver") or facts.get("method")) or DASH,
+                intervals=count(number_in(facts, "intervals") or number_in(facts, "triangles")),
+                iterations=count(number_in(facts, "iterations")),
+                compute_time=duration(number_in(facts, "compute_time")),
+                executed=name == executed_plan(result),
+            )
+        )
+    return rows
+
+
+def key_figures(result: Result, evidence: Evidence) -> list[KeyFigure]:
+    """What a reader looks for first."""
+    plan = executed_plan(result)
+    facts = mapping(mapping(result, "plans"), plan)
+    gates = {row.name: row for row in gate_rows(result)}
+    figures = [
+        KeyFigure(
+            "Travel time", seconds(number_in(facts, "travel_time")), method(plan).label if plan else ""
+        ),
+        KeyFigure("Path length", metres(number_in(facts, "length"))),
+    ]
+    if evidence.executed is not None:
+        figures.append(
+            KeyFigure("Top speed", f"{evidence.executed.v.max():.2f}\u00a0m/s", "of the executed motion")
+        )
+    for name, title in (
+        ("braking_margin", "Least braking margin"),
+        ("constraint_violation", "Worst violation"),
+    ):
+        if name in gates:
+            row = gates[name]
+            figures.append(KeyFigure(title, row.value, f"must be {row.limit}" if row.limit != DASH else ""))
+    figures += [
+        KeyFigure(title, percent(value, signed=key == "analytic"))
+        for key, title in GAPS.items()
+        if (value := number_in(result, "gaps", key)) is not None
+    ]
+    error = number_in(result, "simulation", "max_tracking_error")
+    if error is not None:
+        figures.append(KeyFigure("Largest tracking error", with_unit(error, "m"), "in simulation"))
+    return figures
+
+
+def headline(result: Result) -> str:
+    """Verdict in a few words, with what fails."""
+    title = VERDICTS[verdict(result)][0] if verdict(result) in VERDICTS else "No verdict"
+    failing = [row for row in gate_rows(result) if row.status == FAILED]
+    if failing:
+        title += f", but {len(failing)} gate{'s' * (len(failing) > 1)} fail{'s' * (len(failing) == 1)}"
+    return title if verdict(result) != "failed" else title.replace(", but", ":")
+
+
+def standing(result: Result) -> str:
+    """good, bad or open: the colour of the banner (its words say the same)."""
+    if verdict(result) == "failed" or any(row.status == FAILED for row in gate_rows(result)):
+        return "bad"
+    return "good" if verdict(result) in VERDICTS else "open"
+
+
+def answer(result: Result, *, rest_ends: bool) -> list[str]:
+    """The answer in plain English, sentence by sentence."""
+    plan, times = executed_plan(result), travel_times(result)
+    sentences = [_gets_there(result, plan, times)]
+    optimum = times.get("collocation")
+    if optimum is not None and plan in times and plan != "collocation":
+        ends = (
+            ", which knows the braking limit alone and may start and end at the safe speed"
+            if rest_ends
+            else ", which knows the braking limit alone"
+        )
+        ratio = times[plan] / optimum - 1.0
+        near = (
+            "equal to" if abs(ratio) < 5e-7 else f"{percent(abs(ratio))} {'above' if ratio > 0 else 'below'}"
+        )
+        sentences.append(f"That is {near} the variational optimum of {seconds(optimum)}{ends}.")
+    bound = times.get("lower_bound")
+    if bound is not None:
+        gap = number_in(result, "gaps", "certified")
+        room = f"; the certified gap is {percent(gap)}" if gap is not None else ""
+        sentences.append(
+            f"No path of any homotopy class can be faster than {seconds(bound)} in that model{room}."
+        )
+    route = times.get("voronoi_route")
+    if route is not None and optimum is not None:
+        sentences.append(
+            f"The fastest route along Voronoi arcs, with exact arc times, takes {seconds(route)}, "
+            f"{percent(route / optimum - 1.0, signed=True)} against that optimum."
+        )
+    sentences += _simulated(result)
+    return sentences
+
+
+def _gets_there(result: Result, plan: str, times: Mapping[str, float]) -> str:
+    if not plan:
+        return "There is no motion to execute: no stage produced a trajectory."
+    length = number_in(result, "plans", plan, "length")
+    way = f" on a path of {metres(length)}" if length is not None else ""
+    if verdict(result) == "failed":
+        name = method(plan).label.lower().replace("voronoi", "Voronoi")
+        return f"No trajectory passed all checks; the {name} would take {seconds(times[plan])}{way}."
+    return f"The robot gets there in {seconds(times[plan])}{way}."
+
+
+def _simulated(result: Result) -> list[str]:
+    time = number_in(result, "simulation", "travel_time")
+    error = number_in(result, "simulation", "max_tracking_error")
+    if time is None:
+        return []
+    text = f"In simulation the vehicle took {seconds(time)}"
+    return [text + (f" and stayed within {with_unit(error, 'm')} of the plan." if error is not None else ".")]
+
+
+def gate_summary(result: Result) -> str:
+    """How many gates hold, and which are not yet evaluated."""
+    rows = gate_rows(result)
+    if not rows:
+        return "No gate was evaluated."
+    passed = sum(row.status == PASSED for row in rows)
+    text = f"{passed} of {len(rows)} gates hold."
+    waiting = [row.title.lower() for row in rows if row.status == NOT_EVALUATED]
+    return text + (f" Not evaluated yet: {', '.join(waiting)}." if waiting else "")
+
+
+def not_evaluated(result: Result, evidence: Evidence) -> list[tuple[str, str]]:
+    """Everything that is missing, with its reason: (what, why)."""
+    rows = [
+        (f"Stage {words(item.get('stage'))}", words(item.get("reason")))
+        for item in entries(result, "missing")
+    ]
+    rows += [
+        (f"Gate {row.title.lower()}", row.reason) for row in gate_rows(result) if row.status == NOT_EVALUATED
+    ]
+    rows += [
+        (f"Check {row.title.lower()}" + (f" ({row.trajectory})" if row.trajectory else ""), row.message)
+        for row in check_rows(result)
+        if row.status == NOT_EVALUATED
+    ]
+    files = (
+        "trajectory.csv",
+        "trajectories/voronoi_route.csv",
+        "trajectories/collocation.csv",
+        "trajectories/refined.csv",
+        "simulation.csv",
+        "scenario.yaml",
+    )
+    rows += [(f"Picture of {file}", evidence.reasons[file]) for file in files if file in evidence.reasons]
+    return [(what, why or "no reason was recorded") for what, why in rows]
+
+
+def history_rows(rounds: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
+    """Mesh-refinement rounds as text: round, intervals, iterations, time, violation, solver time."""
+    return [
+        (
+            count(number_in(item, "round")),
+            count(number_in(item, "intervals")),
+            count(number_in(item, "iterations")),
+            seconds(number_in(item, "travel_time")),
+            significant(number_in(item, "worst_violation"), 2),
+            duration(number_in(item, "solver_time")),
+        )
+        for item in rounds
+    ]

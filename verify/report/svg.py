@@ -1,0 +1,161 @@
+"""Figures as inline SVG: no fonts, no dates, no references, colours as CSS variables.
+
+Letters are drawn as outlines, so a picture looks the same without any font installed and text from files
+never stands in the page as text of the picture. Every `id` carries the figure's key, as one page holds many figures.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import unicodedata
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import matplotlib
+from markupsafe import Markup, escape
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
+
+from verify.report.palette import INK, MUTED, RULE, variable_of_colour
+
+UNITS_PER_INCH = 72.0  # one unit of the picture is one CSS pixel at its natural width
+WIDE = 900.0  # [px] natural width of a picture that fills the page
+NARROW = 360.0  # [px] the same on a telephone
+PANEL = 440.0  # [px] one of several pictures side by side
+
+_STYLE = {
+    "svg.fonttype": "path",
+    "text.parse_math": False,  # names from files may hold dollar signs
+    "font.family": ["DejaVu Sans"],  # comes with matplotlib
+    "font.size": 11.0,
+    "axes.titlesize": 11.5,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 11.0,
+    "axes.labelcolor": INK.light,
+    "axes.edgecolor": MUTED.light,
+    "axes.linewidth": 0.8,
+    "axes.facecolor": "none",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": RULE.light,
+    "grid.linewidth": 0.7,
+    "xtick.color": MUTED.light,
+    "ytick.color": MUTED.light,
+    "xtick.labelsize": 10.0,
+    "ytick.labelsize": 10.0,
+    "text.color": INK.light,
+    "figure.facecolor": "none",
+    "figure.dpi": UNITS_PER_INCH,
+    "savefig.facecolor": "none",
+    "lines.solid_capstyle": "round",
+    "path.simplify": False,  # we thin the data ourselves and keep extremes
+}
+
+
+@contextmanager
+def drawing_style() -> Iterator[None]:
+    """The report's look, whatever the user's matplotlibrc says; the old settings return afterwards."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_STYLE)
+        yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of `width` x `height` CSS pixels that arranges its axes itself."""
+    figure = Figure(figsize=(width / UNITS_PER_INCH, height / UNITS_PER_INCH), layout="constrained")
+    FigureCanvasSVG(figure)
+    figure.get_layout_engine().set(w_pad=4 / 72, h_pad=4 / 72, hspace=0.04, wspace=0.04)  # type: ignore[union-attr]
+    return figure
+
+
+def new_axes(width: float, height: float, *, x: str, y: str) -> tuple[Figure, Axes]:
+    """A figure with one pair of axes and their labels."""
+    figure = new_figure(width, height)
+    axes = figure.add_subplot()
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    return figure, axes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """One finished figure for the page."""
+
+    key: str  # letters, digits and hyphens; unique in the page
+    title: str  # short name, read aloud
+    description: str  # what it shows, for those who do not see it
+    svg: Markup
+    narrow: Markup | None = None  # another drawing for small screens
+    caption: str = ""  # below the picture
+    heading: str = ""  # above the picture
+
+
+def to_svg(figure: Figure, *, key: str, title: str, description: str) -> Markup:
+    """The figure as one `<svg role="img">` element. The same figure gives the same text."""
+    buffer = io.StringIO()
+    with matplotlib.rc_context({"svg.hashsalt": key}):
+        figure.savefig(
+            buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
+        )
+    body = buffer.getvalue()
+    body = body[body.index("<svg") :]
+    body = re.sub(r"<!--.*?-->", "", body, flags=re.DOTALL)
+    body = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>", "", body, flags=re.DOTALL)
+    body = re.sub(r"<defs>\s*</defs>", "", body)
+    opening, inside = body.split(">", 1)
+    found = re.search(r'viewBox="([-0-9. ]+)"', opening)
+    if found is None:
+        raise ValueError(f"figure {key}: the drawing has no viewBox")
+    inside = inside.replace("xlink:href=", "href=")
+    inside = re.sub(r'\bid="([^"]+)"', rf'id="{key}-\1"', inside)
+    inside = re.sub(r'href="#([^"]+)"', rf'href="#{key}-\1"', inside)
+    inside = re.sub(r"url\(#([^)]+)\)", rf"url(#{key}-\1)", inside)
+    inside = re.sub(r' ?style="([^"]*)"', _attributes, inside)
+    inside = re.sub(r' d="([^"]*)"', _rounded, inside)
+    variables = variable_of_colour()
+    inside = re.sub(
+        r"#[0-9a-f]{6}\b", lambda m: f"var({variables[m[0]]})" if m[0] in variables else m[0], inside
+    )
+    inside = re.sub(r"\s*\n\s*", "\n", inside)
+    width, height = found[1].split()[2:]
+    head = (
+        f'<svg viewBox="{found[1]}" width="{width}" height="{height}" role="img" '
+        f'aria-labelledby="{key}-title {key}-desc" stroke-linejoin="round">'
+        f'<title id="{key}-title">{escape(title)}</title><desc id="{key}-desc">{escape(description)}</desc>'
+    )
+    return Markup(head + inside.strip())
+
+
+def _attributes(match: re.Match[str]) -> str:
+    """Inline styles as attributes: the page's policy then needs no leave for inline styles."""
+    pairs = (item.split(":", 1) for item in match[1].split(";") if ":" in item)
+    return "".join(f' {name.strip()}="{value.strip()}"' for name, value in pairs)
+
+
+def _rounded(match: re.Match[str]) -> str:
+    numbers = re.sub(r"-?\d+\.\d{3,}", lambda m: f"{float(m[0]):.2f}".rstrip("0").rstrip("."), match[1])
+    return f' d="{" ".join(numbers.split())}"'
+
+
+LABEL_LENGTH = 24  # characters of a name on a map
+_INVISIBLE = ("Cc", "Cf", "Co", "Cs", "Cn", "Zl", "Zp")  # control, direction marks, unassigned
+
+
+def plain(text: str) -> str:
+    """Text from a file without control and direction characters; line ends become spaces."""
+    spaced = re.sub(r"\s+", " ", text)
+    return "".join(c for c in spaced if unicodedata.category(c) not in _INVISIBLE).strip()
+
+
+def label(text: str, longest: int = LABEL_LENGTH) -> str:
+    """A name that can be drawn: plain, short, and only letters that the font has."""
+    font = get_font(findfont(FontProperties(family="DejaVu Sans")))
+    shown = "".join(c if font.get_char_index(ord(c)) else "□" for c in plain(text))
+    return shown if len(shown) <= longest else shown[: longest - 1] + "…"

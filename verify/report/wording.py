@@ -1,0 +1,134 @@
+"""Fixed words of the report: names of gates, checks and limits, the glossary with its sources."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+THESIS = "Manor 2015"
+
+
+@dataclass(frozen=True)
+class GateWords:
+    """How a gate's figure is written."""
+
+    title: str
+    meaning: str
+    unit: str  # "%" for ratios
+    at_least: bool = False  # the gate holds when value >= limit
+
+
+GATES: Mapping[str, GateWords] = MappingProxyType(
+    {
+        "analytic_gap": GateWords(
+            "Analytic gap", "speed graph against the variational collocation of the same model", "%"
+        ),
+        "refinement_gap": GateWords(
+            "Refinement gap",
+            "full robot against the variational optimum plus the proven cost of its ends",
+            "%",
+        ),
+        "certified_gap": GateWords(
+            "Certified gap", "best time of the variational model against the global lower bound", "%"
+        ),
+        "constraint_violation": GateWords(
+            "Constraint violation", "worst normalised violation of any limit, in continuous time", "1"
+        ),
+        "braking_margin": GateWords(
+            "Braking margin", "least of clearance minus braking distance along the motion", "m", at_least=True
+        ),
+        "emergency_stops": GateWords(
+            "Emergency stops", "simulated stops that collide, fall or leave the zone claimed", "stops"
+        ),
+    }
+)
+
+GAPS: Mapping[str, str] = MappingProxyType(
+    {
+        "analytic": "Analytic gap",
+        "refinement": "Refinement gap",
+        "certified": "Certified gap",
+        "certified_full": "Certified gap, full robot",
+    }
+)
+
+VERDICTS: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "certified": (
+            "Certified",
+            "The variational optimum satisfies every limit of the full robot, and its certified gap is within the gate.",
+        ),
+        "refined": ("Refined", "The motion is the collocation of the full robot, and it passed all checks."),
+        "failed": ("Failed", "No trajectory passed all checks."),
+    }
+)
+
+CHECKS: Mapping[str, str] = MappingProxyType(
+    {
+        "boundary": "Stays within the boundary",
+        "start": "Begins at the start",
+        "goal": "Ends at the goal",
+        "clearance": "Touches no obstacle",
+        "braking_distance": "Can stop within its clearance",
+        "friction_circle": "Friction circle",
+        "tip_over": "Tip-over",
+        "steering": "Steering",
+        "drive": "Drive and brakes",
+        "speed": "Speed limits",
+        "travel_time": "Travel time adds up",
+        "tracking": "Tracking in simulation",
+        "emergency_stops": "Emergency stops",
+    }
+)
+
+GLOSSARY: tuple[tuple[str, str, str], ...] = (
+    ("Clearance d", "Distance from the robot's disc to the nearest obstacle or wall.", f"{THESIS}, Ch. 2"),
+    (
+        "Braking limit V(d)",
+        "Greatest speed from which the robot stops within its clearance: √(2 a_b d) without reaction time and margin.",
+        f"{THESIS}, eq. (3.13); reaction time and margin as in safety-scanner practice",
+    ),
+    (
+        "Variational model",
+        "The braking limit alone: no limit on turning, drive or steering. Every further limit can only raise its optimum.",
+        f"{THESIS}, Ch. 3",
+    ),
+    (
+        "Full robot",
+        "Braking limit, friction circle, tip-over, steering, drive, speed and end speeds together.",
+        f"{THESIS}, App. A and D",
+    ),
+    (
+        "Friction circle",
+        "Braking, driving and turning share the friction: a² + (v²κ)² ≤ (μg)², κ the curvature of the path.",
+        f"{THESIS}, eq. (A.2), for combined forces: Kamm's circle",
+    ),
+    ("Tip-over", "The inner wheels lift when v²|κ| exceeds g w / 2h.", f"{THESIS}, eq. (A.3)"),
+    ("Steering limit", "Smallest turning radius r_kin of the front-steered robot.", f"{THESIS}, eq. (A.1)"),
+    (
+        "Voronoi arc",
+        "Points with two or more nearest obstacle features: locally the safest, and so the fastest, way.",
+        f"{THESIS}, Sec. 3.4.5",
+    ),
+    (
+        "Collocation",
+        "The motion as many short intervals whose unknowns a nonlinear program chooses together.",
+        "Hargraves and Paris 1987, J. Guidance 10(4)",
+    ),
+    (
+        "Safe end",
+        "The robot may start or end at any speed up to the braking limit there; a rest end demands speed zero.",
+        f"{THESIS}, Ch. 3",
+    ),
+    (
+        "Lower bound",
+        "A travel time that no path of any homotopy class can beat, with a proof that is checked on its own.",
+        "Derived: u with |∇u| ≤ 1/V(d) proves T ≥ u(goal) − u(start)",
+    ),
+    (
+        "Worst violation",
+        "Greatest breach of a limit divided by the limit, bounded between the rows of the trajectory as well.",
+        "Derived: distance is 1-Lipschitz and semiconcave along an arc",
+    ),
+)
