@@ -56,6 +56,7 @@ class World:
     vertices: Array  # (n, 2) [m]
     edges: NDArray[np.int64]  # (m, 2), rows of `vertices`
     isolated: NDArray[np.int64]  # (k,), vertices without edges: point obstacles
+    walls: tuple[Array, ...]  # (2, 2) [m] each, stretches of walls on the floor, cut where they meet
 
     def __init__(
         self,
@@ -63,26 +64,19 @@ class World:
         obstacles: tuple[Obstacle, ...],
         blocked: tuple[shapely.Polygon, ...],
         floor: shapely.Polygon | shapely.MultiPolygon,
-        walls: Sequence[shapely.LineString],
-        points: Sequence[shapely.Point],
+        walls: Array,
+        points: Array,
     ) -> None:
         self.boundary, self.obstacles = boundary, obstacles
         self.blocked, self.floor = blocked, floor
         shapely.prepare(self.floor)
-        rings = [ring for part in shapely.get_parts(floor) for ring in (part.exterior, *part.interiors)]
-        lines = _node([shapely.LineString(ring) for ring in rings] + list(shapely.get_parts(walls)))
-        vertices, edges = _edges(lines)
-        free_points = [p for p in points if shapely.distance(p, lines) > SNAP]
-        coordinates = np.unique(np.array([(p.x, p.y) for p in free_points]).reshape(-1, 2), axis=0)
-        self.isolated = len(vertices) + np.arange(len(coordinates))
-        self.vertices = np.concatenate([vertices, coordinates])
-        self.edges = edges
-        self.walls: tuple[Array, ...] = tuple(
-            np.asarray(part.coords)[i : i + 2]
-            for wall in walls
-            for part in shapely.get_parts(wall)
-            for i in range(len(part.coords) - 1)
-        )
+        corners, self.edges = _edges(np.concatenate([_segments(shapely.boundary(floor)), walls]))
+        lines = shapely.multilinestrings(shapely.linestrings(corners[self.edges]))
+        apart = np.unique(points[shapely.distance(shapely.points(points), lines) > SNAP], axis=0)
+        self.isolated = len(corners) + np.arange(len(apart))
+        self.vertices = np.concatenate([corners, apart])
+        ends, joined = _edges(walls)
+        self.walls = tuple(ends[joined])
 
     @classmethod
     def build(cls, boundary: ArrayLike, obstacles: Iterable[Obstacle] = ()) -> World:
@@ -108,23 +102,17 @@ class World:
                 what = obstacles[i].name or f"obstacle {i}"
                 raise WorldError(f"{what} lies outside the boundary, at least in part", i)
         solid = [s for s in shapes if isinstance(s, shapely.Polygon)]
-        alone, united, hall_touched = _unite(solid, hall)
-        if hall_touched:  # on the grid as well, or slivers would stay between the two
-            hall = shapely.set_precision(hall, SNAP)
-            floor = _areas(hall.difference(united, grid_size=SNAP))
-        else:
-            floor = hall.difference(united)
-        mass = shapely.union_all([*alone, united])
-        floor = floor.difference(shapely.MultiPolygon(alone))
+        walls = [s for s in shapes if isinstance(s, shapely.LineString)]
+        floor, mass, stretches = _arrange(hall, solid, walls)
         if floor.is_empty:
             raise WorldError("the obstacles cover the whole floor")
-        walls = [shapely.LineString(s.coords).difference(mass) for s in shapes if s.geom_type == "LineString"]
-        points = [s for s in shapes if s.geom_type == "Point" and not mass.contains(s)]
-        blocked = tuple(p for p in shapely.get_parts(mass) if not p.is_empty)
-        return cls(hall, obstacles, blocked, floor, [w for w in walls if not w.is_empty], points)
+        points = np.array(
+            [(s.x, s.y) for s in shapes if isinstance(s, shapely.Point) and not mass.contains(s)]
+        )
+        return cls(hall, obstacles, tuple(_polygons(mass)), floor, stretches, points.reshape(-1, 2))
 
     @cached_property
-    def _segments(self) -> tuple[Array, Array]:
+    def _ends(self) -> tuple[Array, Array]:
         """Ends of all edges, isolated points last as edges of length zero: (m + k, 2) each."""
         point = self.vertices[self.isolated]
         start = np.concatenate([self.vertices[self.edges[:, 0]], point])
@@ -134,7 +122,7 @@ class World:
     @cached_property
     def edge_tree(self) -> shapely.STRtree:
         """Spatial index of all edges, isolated points last."""
-        start, end = self._segments
+        start, end = self._ends
         lines = shapely.linestrings(np.stack([start, end], axis=1))
         lines[len(self.edges) :] = shapely.points(start[len(self.edges) :])
         return shapely.STRtree(lines)
@@ -155,7 +143,7 @@ class World:
             raise ValueError("distances are asked at points that are not finite")
         flat = p.reshape(-1, 2)
         which = self.edge_tree.query_nearest(shapely.points(flat), all_matches=False)[1]
-        start, end = self._segments
+        start, end = self._ends
         a, along = start[which], end[which] - start[which]
         square = np.einsum("ij,ij->i", along, along)
         part = np.einsum("ij,ij->i", flat - a, along) / np.where(square > 0.0, square, 1.0)
@@ -238,41 +226,56 @@ def _touching(shapes: Sequence[shapely.Geometry]) -> NDArray[np.bool_]:
     return mask
 
 
-def _unite(
-    polygons: list[shapely.Polygon], hall: shapely.Polygon
-) -> tuple[list[shapely.Polygon], shapely.Geometry, bool]:
-    """Polygons that touch nothing, as given; the rest united on the grid; whether the hall is touched."""
-    touching = _touching([*polygons, hall.exterior])
-    alone = [polygon for polygon, touches in zip(polygons, touching[:-1], strict=True) if not touches]
-    together = [polygon for polygon, touches in zip(polygons, touching[:-1], strict=True) if touches]
-    united = _areas(shapely.union_all(together, grid_size=SNAP)) if together else shapely.Polygon()
-    return alone, united, bool(touching[-1])
+def _arrange(
+    hall: shapely.Polygon, solid: list[shapely.Polygon], walls: list[shapely.LineString]
+) -> tuple[shapely.Geometry, shapely.Geometry, Array]:
+    """The floor, the union of the polygons, and the stretches of walls (k, 2, 2) [m] on the floor.
 
-
-def _areas(geometry: shapely.Geometry) -> shapely.Geometry:
-    """Without the lines that thin slivers collapse to on the grid."""
-    return shapely.union_all([p for p in shapely.get_parts(geometry) if isinstance(p, shapely.Polygon)])
-
-
-def _node(lines: list[shapely.LineString]) -> shapely.MultiLineString:
-    """Lines cut where they meet, common stretches once.
-
-    Only lines that touch others move, onto the grid: an end on another line lies beside it by a
-    rounding error, and would cut nothing there.
+    Shapes that touch nothing keep every bit. All others are cut in one go where they meet, with snap
+    rounding (J. Hobby, "Practical segment intersection with finite precision output", 1999): each line
+    runs through the grid cells of all vertices and crossings on it, so that what touches up to a
+    rounding error has exactly the same vertices and edges there. Uniting first and cutting later
+    would leave slivers or not by chance.
     """
-    touching = _touching(lines)
-    alone = [line for line, touches in zip(lines, touching, strict=True) if not touches]
-    together = [line for line, touches in zip(lines, touching, strict=True) if touches]
-    noded = shapely.get_parts(shapely.union_all(together, grid_size=SNAP)) if together else []
-    return shapely.MultiLineString([*alone, *noded])
+    touching = _touching([hall.exterior, *solid, *walls])
+    lines = [shapely.LineString(s.coords) for s in [hall.exterior, *(p.exterior for p in solid), *walls]]
+    noded = shapely.union_all([line for line, t in zip(lines, touching, strict=True) if t], grid_size=SNAP)
+    faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
+    spots = shapely.point_on_surface(faces)
+    within = np.zeros(len(faces), dtype=bool)
+    within[shapely.STRtree(solid).query(spots, predicate="within")[0]] = True
+    within |= shapely.area(faces) < SNAP * shapely.length(faces)  # a gap that the grid cannot show
+    united = shapely.union_all(faces[within])
+    if touching[0]:
+        floor = shapely.union_all(faces[~within & shapely.contains(hall, spots)])
+    else:
+        floor = hall.difference(united)
+    alone = shapely.MultiPolygon([p for p, t in zip(solid, touching[1:], strict=False) if not t])
+    floor = floor.difference(alone)
+    pieces = [_segments(wall) for wall, t in zip(walls, touching[1 + len(solid) :], strict=True) if not t]
+    stretches = np.concatenate([_segments(noded), *pieces])
+    middle = stretches.mean(axis=1)
+    on_floor = shapely.contains_xy(floor, middle[:, 0], middle[:, 1])
+    on_floor &= shapely.distance(shapely.points(middle), shapely.boundary(floor)) > SNAP
+    return floor, shapely.union_all([united, alone]), stretches[on_floor]
 
 
-def _edges(lines: shapely.Geometry) -> tuple[Array, NDArray[np.int64]]:
-    """Vertices (n, 2) and edges (m, 2) of noded lines, collinear pass-through vertices removed."""
-    parts = shapely.get_parts(lines)
-    pairs = np.concatenate(
-        [np.stack([c[:-1], c[1:]], axis=1) for c in (shapely.get_coordinates(part) for part in parts)]
-    )
+def _polygons(geometry: shapely.Geometry) -> list[shapely.Polygon]:
+    return [part for part in shapely.get_parts(geometry) if not part.is_empty]
+
+
+def _segments(lines: shapely.Geometry) -> Array:
+    """All straight pieces (n, 2, 2) [m] of lines."""
+    coordinates, line = shapely.get_coordinates(shapely.get_parts(lines), return_index=True)
+    same = line[1:] == line[:-1]
+    return np.stack([coordinates[:-1][same], coordinates[1:][same]], axis=1)
+
+
+def _edges(pairs: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices (n, 2) and edges (m, 2) of straight pieces (k, 2, 2) that meet at ends only.
+
+    Vertices within a straight line are dropped.
+    """
     vertices, index = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
     edges = np.unique(np.sort(index.reshape(-1, 2), axis=1), axis=0)
     neighbours: dict[int, set[int]] = {}
@@ -287,10 +290,10 @@ def _edges(lines: shapely.Geometry) -> tuple[Array, NDArray[np.int64]]:
             neighbours[j].symmetric_difference_update({i, k})
             neighbours[k].symmetric_difference_update({i, j})
             around.clear()
-    kept = np.array(sorted(i for i, around in neighbours.items() if around))
+    kept = np.array(sorted(i for i, around in neighbours.items() if around), dtype=np.int64)
     rank = {int(i): r for r, i in enumerate(kept)}
     joined = sorted((rank[i], rank[j]) for i, around in neighbours.items() for j in around if i < j)
-    return vertices[kept], np.array(joined, dtype=np.int64)
+    return vertices[kept], np.array(joined, dtype=np.int64).reshape(-1, 2)
 
 
 def _is_straight(vertices: Array, middle: int, one: int, other: int) -> bool:
