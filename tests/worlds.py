@@ -96,7 +96,10 @@ walls = st.tuples(st.tuples(coordinates, coordinates), st.tuples(coordinates, co
 )
 obstacle_lists = st.lists(
     st.one_of(
-        stars(), boxes(), walls.map(Obstacle), st.tuples(st.tuples(coordinates, coordinates)).map(Obstacle)
+        stars().filter(lambda o: shapely.Polygon(BENT_ROOM).covers(geometry(o))),
+        boxes(),
+        walls.map(Obstacle),
+        st.tuples(st.tuples(coordinates, coordinates)).map(Obstacle),
     ),
     max_size=7,
 )
