@@ -1,0 +1,112 @@
+"""Run scenario files one after the other; one that fails does not stop the others."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import webbrowser
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from verify import evidence
+from verify.atomic import OutputError, locked, replace_file, usable_folder
+from verify.evidence import EvidenceError
+from verify.junit import Suite, write_junit
+from verify.progress import Progress
+from verify.summary import details, failures, headline
+from vnav_drake.scenario import Scenario, ScenarioError, load_scenario
+
+OK, BAD_INPUT, UNFINISHED = 0, 2, 3
+
+
+def run_files(options: argparse.Namespace) -> int:
+    """Run all scenarios of a command line; returns the worst exit code.
+
+    Raises
+    ------
+    OutputError : the output folder or the JUnit file's folder cannot be used.
+    """
+    scenarios, suites = _load(options.scenarios)
+    worst = BAD_INPUT if suites else OK
+    if options.junit is not None and not options.junit.absolute().parent.is_dir():
+        raise OutputError(f"{options.junit}: its folder does not exist")
+    if scenarios:
+        usable_folder(options.out)
+    with Progress(quiet=options.quiet) as progress:
+        for scenario in scenarios:
+            code, suite = _run_one(scenario, options, progress)
+            worst = max(worst, code)
+            suites.append(suite)
+    if any(suite.judgement is not None for suite in suites):
+        _write_index(options.out)
+    if options.junit is not None:
+        replace_file(options.junit.absolute(), lambda aside: write_junit(aside, suites))
+    return worst
+
+
+def _load(files: list[Path]) -> tuple[list[Scenario], list[Suite]]:
+    """Scenarios that can run, and a suite for each file that cannot."""
+    scenarios: list[Scenario] = []
+    suites: list[Suite] = []
+    for file in files:
+        try:
+            scenario = load_scenario(file)
+            twin = next((other for other in scenarios if other.name == scenario.name), None)
+            if twin is not None:
+                raise scenario.error("name", f"is also the name of {twin.source}; expected one file a name")
+        except ScenarioError as error:
+            print(error, file=sys.stderr)
+            suites.append(Suite(name=str(file), error=str(error)))
+        else:
+            scenarios.append(scenario)
+    return scenarios, suites
+
+
+def _run_one(scenario: Scenario, options: argparse.Namespace, progress: Progress) -> tuple[int, Suite]:
+    from verify.pipeline import run_scenario  # Drake takes a second to load: not for bad input
+
+    name = scenario.name
+    try:
+        outcome = run_scenario(scenario, options.out, overrides=dict(options.gate), say=progress.say)
+    except (ScenarioError, OutputError) as error:
+        with progress.paused():
+            print(error, file=sys.stderr)
+        return BAD_INPUT, Suite(name=name, error=str(error))
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        text = f"{name}: {where}{error.strerror or error}; an earlier result is as it was"
+        with progress.paused():
+            print(f"verify: {text}", file=sys.stderr)
+        return UNFINISHED, Suite(name=name, error=text)
+    judgement = outcome.judgement
+    missing = tuple(f"{item.stage}: {item.reason}" for item in outcome.missing)
+    lines = [f"missing {entry}" for entry in missing]
+    lines += details(judgement) if options.verbose else failures(judgement)
+    with progress.paused():
+        if outcome.exit_code != OK or not options.quiet:
+            print(f"{headline(judgement)}  {outcome.report}", flush=True)
+            for line in lines:
+                print(f"  {line}", flush=True)
+    if options.open:
+        webbrowser.open(outcome.report.absolute().as_uri())
+    return outcome.exit_code, Suite(name=name, judgement=judgement, missing=missing)
+
+
+def _write_index(out: Path) -> None:
+    """All results in `out` side by side, those of earlier runs too."""
+    from verify.report import write_index
+
+    with locked(out):
+        replace_file(out / "index.html", lambda aside: write_index(aside, _results(out)))
+
+
+def _results(out: Path) -> list[tuple[str, Mapping[str, Any]]]:
+    found: list[tuple[str, Mapping[str, Any]]] = []
+    for folder in sorted(out.iterdir()):
+        if folder.is_dir() and not folder.name.startswith("."):
+            try:
+                found.append((folder.name, evidence.read_result(folder)))
+            except EvidenceError:
+                continue  # not a result of ours
+    return found

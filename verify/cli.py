@@ -1,0 +1,131 @@
+"""The command line: arguments, lines on standard output, exit codes."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+from collections.abc import Callable, Sequence
+from importlib import metadata
+from pathlib import Path
+
+from verify.atomic import OutputError
+from verify.judge import GATE_NAMES
+
+OK, FAILED, BAD_INPUT, UNFINISHED = 0, 1, 2, 3
+
+RESERVED = ("sweep", "import")
+
+_EPILOG = """\
+other commands:
+  verify check RESULT_DIR   judge a finished result again, without planning or simulating anything
+  verify schema             print the JSON Schema of scenario files
+A scenario file named like a command is given as ./check.
+
+exit codes:
+  0  every scenario ran and passed       2  bad input; nothing was run for that scenario
+  1  a gate, check or verdict failed     3  a solver or simulation could not finish
+"""
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Carry out a command; returns the exit code. Usage errors exit with 2 from within argparse."""
+    commands: dict[str, Callable[[Sequence[str]], int]] = {"check": _check, "schema": _schema}
+    name = arguments[0] if arguments else ""
+    try:
+        if name in RESERVED:
+            _complain(f"'{name}' is reserved for a later version (a file of that name is given as ./{name})")
+            return BAD_INPUT
+        if name in commands:
+            return commands[name](arguments[1:])
+        from verify.batch import run_files
+
+        return run_files(_options(arguments))
+    except OutputError as error:
+        _complain(str(error))
+        return BAD_INPUT
+    except BrokenPipeError:
+        # the reader of our output is gone: nobody is left to tell, and the exit must not write either
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return UNFINISHED
+    except OSError as error:
+        _complain(_system_message(error))
+        return UNFINISHED
+
+
+def _options(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="verify",
+        description="Plan, optimise, simulate, check and report scenarios.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("scenarios", nargs="+", type=Path, metavar="scenario.yaml")
+    parser.add_argument(
+        "--out", type=Path, default=Path("reports"), metavar="DIR", help="where results go (default: reports)"
+    )
+    parser.add_argument("--open", action="store_true", help="open each report in a browser")
+    parser.add_argument(
+        "--gate",
+        action="append",
+        default=[],
+        type=_gate,
+        metavar="NAME=LIMIT",
+        help=f"override a gate's limit; gates: {', '.join(GATE_NAMES)}",
+    )
+    parser.add_argument("--junit", type=Path, metavar="FILE", help="also write the gates as JUnit XML")
+    loudness = parser.add_mutually_exclusive_group()
+    loudness.add_argument("--quiet", action="store_true", help="print only what failed")
+    loudness.add_argument("--verbose", action="store_true", help="print every gate and check")
+    parser.add_argument("--version", action="version", version=f"verify {metadata.version('vnav-drake')}")
+    return parser.parse_args(arguments)
+
+
+def _gate(text: str) -> tuple[str, float]:
+    name, equals, limit = text.partition("=")
+    if not equals or name not in GATE_NAMES:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected NAME=LIMIT with one of {', '.join(GATE_NAMES)}")
+    try:
+        value = float(limit)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or value < 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r}: the limit must be a finite number, at least 0")
+    return name, value
+
+
+def _check(arguments: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        prog="verify check",
+        description="Judge a finished result folder again: every figure is recomputed from its evidence.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("folder", type=Path, metavar="RESULT_DIR")
+    parser.add_argument("--quiet", action="store_true", help="print only what failed")
+    options = parser.parse_args(arguments)
+    from verify.recheck import check_folder
+
+    return check_folder(options.folder, quiet=options.quiet)
+
+
+def _schema(arguments: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        prog="verify schema", description="Print the JSON Schema of scenario files.", allow_abbrev=False
+    )
+    parser.parse_args(arguments)
+    from vnav_drake.scenario import scenario_schema
+
+    print(json.dumps(scenario_schema(), indent=2))
+    return OK
+
+
+def _complain(text: str) -> None:
+    print(f"verify: {text}", file=sys.stderr)
+
+
+def _system_message(error: OSError) -> str:
+    where = f"{error.filename}: " if error.filename else ""
+    return f"{where}{error.strerror or error}; earlier results are as they were"

@@ -1,0 +1,22 @@
+"""The one judge: reads a result folder and says what it proves.
+
+It imports no planner, no distance query, braking law or speed profile: every quantity is recomputed
+from the scenario's raw numbers and the rows of the trajectory files.
+"""
+
+from verify.judge.compare import compare, compare_files, gate_overrides
+from verify.judge.finding import Check, Place
+from verify.judge.gates import GATE_NAMES, Gate
+from verify.judge.verdict import Judgement, judge
+
+__all__ = [
+    "GATE_NAMES",
+    "Check",
+    "Gate",
+    "Judgement",
+    "Place",
+    "compare",
+    "compare_files",
+    "gate_overrides",
+    "judge",
+]

@@ -1,0 +1,143 @@
+"""Does a result.json say what the evidence beside it shows?"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from verify import evidence
+from verify.evidence import EvidenceError
+from verify.judge.gates import GATE_NAMES
+from verify.judge.verdict import Judgement
+
+RELATIVE = 1e-9  # between two machines' arithmetic; far below any digit anyone reads
+ABSOLUTE = 1e-8  # [any unit]: margins are proven to 1e-8 m, and differences near zero are rounding
+TEXT_RELATIVE, TEXT_ABSOLUTE = 1e-3, 2e-6  # numbers within messages are rounded
+LISTED = 20  # differences shown
+
+# Keys that state a judgement wherever they stand: absent from ours, they must be absent from a claim.
+_JUDGED_KEYS = frozenset({"value", "worst", "violation", "at", "unpromised", "overridden"})
+
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def compare(result: Mapping[str, Any], judgement: Judgement) -> tuple[str, ...]:
+    """Each difference between a result and what the judge finds, as a sentence; empty when they agree.
+
+    Figures that cannot be recomputed from evidence (compute times, solver names, iterations) are not
+    compared. In the objects the judge fills, a claim it does not make is refused where it would be
+    read as a judgement: a further plan, gap, gate or check.
+    """
+    expected = judgement.as_result()
+    found = list(_differences("", expected, result))
+    for section in ("plans", "gaps"):
+        claimed = result.get(section)
+        if isinstance(claimed, Mapping):
+            extra = sorted(set(map(str, claimed)) - set(expected[section]))
+            found += [f"{section}.{name}: claimed, but there is no evidence for it" for name in extra]
+    found += [
+        f"{name}: claimed, but there is no evidence for it"
+        for name in ("executed", "simulation", "lower_bound")
+        if name in result and name not in expected
+    ]
+    if len(found) > LISTED:
+        found = [*found[:LISTED], f"and {len(found) - LISTED} more differences"]
+    return tuple(found)
+
+
+def compare_files(folder: Path, result: Mapping[str, Any]) -> tuple[str, ...]:
+    """Each difference between the manifest in result.json and the files in the folder."""
+    claimed = result.get("files")
+    if not isinstance(claimed, Mapping):
+        return ("files: result.json has no manifest of its evidence",)
+    found = []
+    present = evidence.manifest(folder)
+    for name in sorted(set(map(str, claimed)) | set(present)):
+        if name not in present:
+            found.append(f"{name}: missing")
+        elif name not in claimed:
+            found.append(f"{name}: not listed in result.json")
+        elif claimed[name] != present[name]:
+            found.append(f"{name}: changed since it was written (its SHA-256 differs)")
+    for name in (evidence.SCENARIO, evidence.REPORT):
+        if name not in claimed and name not in present:
+            found.append(f"{name}: missing")
+    return tuple(found)
+
+
+def gate_overrides(result: Mapping[str, Any]) -> dict[str, float]:
+    """Gate limits given by hand when the result was made.
+
+    Raises
+    ------
+    EvidenceError : they are not numbers by gate name.
+    """
+    claimed = result.get("gate_overrides", {})
+    if not isinstance(claimed, Mapping):
+        raise EvidenceError("result.json: gate_overrides is not an object")
+    for name, limit in claimed.items():
+        if name not in GATE_NAMES or isinstance(limit, bool) or not isinstance(limit, int | float):
+            raise EvidenceError(f"result.json: gate_overrides.{name} = {limit!r}: not a gate and its limit")
+    return {str(name): float(limit) for name, limit in claimed.items()}
+
+
+def _differences(where: str, expected: Any, claimed: Any) -> Iterator[str]:
+    if isinstance(expected, Mapping):
+        yield from _object_differences(where, expected, claimed)
+    elif isinstance(expected, list):
+        yield from _list_differences(where, expected, claimed)
+    elif not _agree(where, expected, claimed):
+        yield f"{where}: is {_show(claimed)}, recomputed {_show(expected)}"
+
+
+def _object_differences(where: str, expected: Mapping[str, Any], claimed: Any) -> Iterator[str]:
+    if not isinstance(claimed, Mapping):
+        yield f"{where}: is {_show(claimed)}, expected an object"
+        return
+    for key, value in expected.items():
+        inner = f"{where}.{key}" if where else str(key)
+        if key in claimed:
+            yield from _differences(inner, value, claimed[key])
+        else:
+            yield f"{inner}: absent, recomputed {_show(value)}"
+    closed = set(claimed) if where.endswith(".violations") else set(claimed) & _JUDGED_KEYS
+    if where:
+        yield from (f"{where}.{key}: claimed, but not found" for key in sorted(closed - set(expected)))
+
+
+def _list_differences(where: str, expected: list[Any], claimed: Any) -> Iterator[str]:
+    if not isinstance(claimed, list) or len(claimed) != len(expected):
+        found = len(claimed) if isinstance(claimed, list) else _show(claimed)
+        yield f"{where}: expected {len(expected)} entries, found {found}"
+        return
+    for index, (one, other) in enumerate(zip(expected, claimed, strict=True)):
+        about = one if isinstance(one, Mapping) else {}
+        names = [str(about[key]) for key in ("name", "trajectory") if key in about]
+        yield from _differences(f"{where}[{' of '.join(names) or index}]", one, other)
+
+
+def _agree(where: str, expected: Any, claimed: Any) -> bool:
+    if isinstance(expected, bool) or expected is None:
+        return claimed is expected
+    if isinstance(expected, int | float):
+        if isinstance(claimed, bool) or not isinstance(claimed, int | float):
+            return False
+        return abs(claimed - expected) <= RELATIVE * abs(expected) + ABSOLUTE
+    if isinstance(claimed, str) and (where.endswith(".message") or where.startswith("reasons[")):
+        return _same_text(expected, claimed)
+    return bool(expected == claimed)
+
+
+def _same_text(one: str, other: str) -> bool:
+    """The same words, and numbers that differ by no more than their rounding."""
+    if _NUMBER.sub("#", one) != _NUMBER.sub("#", other):
+        return False
+    pairs = zip(_NUMBER.findall(one), _NUMBER.findall(other), strict=True)
+    return all(abs(float(a) - float(b)) <= TEXT_RELATIVE * abs(float(a)) + TEXT_ABSOLUTE for a, b in pairs)
+
+
+def _show(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."

@@ -1,0 +1,135 @@
+"""Did the simulated vehicle follow the trajectory it was given?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verify.judge.continuous import Need, least_margin
+from verify.judge.finding import Check, Place
+from verify.judge.geometry import Surroundings
+from verify.judge.motion import Motion
+
+Array = NDArray[np.float64]
+
+# A tracking controller at 0.70 to 0.95 of the friction limit stays within 20 mm sideways; a vehicle that
+# slides leaves its path by metres. The limits lie between, well above the first.
+POSITION_LIMIT = 0.10  # [m], from the place planned for the same time
+LATERAL_LIMIT = 0.05  # [m], across the planned path
+GOAL_LIMIT = 0.10  # [m], closest approach to the goal
+TIME_LIMIT = 0.01  # relative, travel time simulated against planned
+ARRIVAL_BAND = 1e-3  # [m]: the robot has arrived when it is this close to its closest approach
+SAMPLING_LIMIT = 0.1  # [s] between samples; coarser records say too little about the run
+JUMP_SLACK = 5e-3  # [m], by which a sample may lie further than its speeds explain (side slip, integration)
+JUMP_FACTOR = 1.5  # times the greater speed of both samples: side slip adds to the forward speed
+
+
+@dataclass(frozen=True)
+class Record:
+    """The recorded run of the simulated vehicle."""
+
+    t: Array  # (n,) [s]
+    x: Array  # (n,) [m]
+    y: Array  # (n,) [m]
+    heading: Array  # (n,) [rad]
+    v: Array  # (n,) [m/s]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What the record shows."""
+
+    check: Check
+    # travel_time [s], max_tracking_error, max_lateral_error, min_clearance, goal_distance [m]
+    figures: dict[str, Any]
+
+
+def judge_run(
+    record: Record, motion: Motion, goal: tuple[float, float], surroundings: Surroundings, radius: float
+) -> Run:
+    """Compare a recorded run with the trajectory `motion` it was to follow.
+
+    Errors are taken at every sample up to the end of the planned motion. The simulated travel time
+    is the first time within `ARRIVAL_BAND` of the closest approach to the goal, so it means the same
+    for a robot that drives through its goal and for one that stops there.
+    """
+    points = np.column_stack([record.x, record.y])
+    during = record.t <= motion.t[-1]
+    planned, heading = motion.at(record.t[during])
+    offset = points[during] - planned
+    error = np.hypot(offset[:, 0], offset[:, 1])
+    lateral = np.abs(offset[:, 1] * np.cos(heading) - offset[:, 0] * np.sin(heading))
+    to_goal = np.hypot(record.x - goal[0], record.y - goal[1])
+    arrival = int(np.argmax(to_goal <= to_goal.min() + ARRIVAL_BAND))
+    time = float(record.t[arrival])
+    least = least_margin(_polyline(record), surroundings.distance, Need(constant=radius))
+    worst, sideways = int(np.argmax(error)), int(np.argmax(lateral))
+    jump = _jump(record)
+    gap = np.diff(record.t)
+    coarse = int(np.argmax(gap))
+    late = abs(time - motion.travel_time) / motion.travel_time if motion.travel_time > 0.0 else 0.0
+    faults = [
+        (gap[coarse] > SAMPLING_LIMIT, coarse, f"no sample for {gap[coarse]:.3f} s"),
+        (jump is not None, jump or 0, "the record jumps further than its speed explains"),
+        (error[worst] > POSITION_LIMIT, worst, f"{error[worst]:.4f} m from the planned place"),
+        (lateral[sideways] > LATERAL_LIMIT, sideways, f"{lateral[sideways]:.4f} m beside the planned path"),
+        (to_goal.min() > GOAL_LIMIT, arrival, f"came no closer to the goal than {to_goal.min():.4f} m"),
+        (late > TIME_LIMIT, arrival, f"took {time:.3f} s instead of {motion.travel_time:.3f} s"),
+    ]
+    figures = {
+        "travel_time": time,
+        "max_tracking_error": float(error[worst]),
+        "max_lateral_error": float(lateral[sideways]),
+        "min_clearance": least.proven,
+        "goal_distance": float(to_goal.min()),
+    }
+    broken = [(f"{text}, at t = {record.t[i]:.3f} s", i) for fault, i, text in faults if fault]
+    if least.proven < 0.0:
+        where = int(np.clip(np.searchsorted(record.t, least.t), 0, len(record.t) - 1))
+        broken.append((f"collision {-least.proven:.4f} m deep, at t = {least.t:.3f} s", where))
+    text = "; ".join(words for words, _ in broken)
+    fine = f"at most {error[worst]:.4f} m from the plan, {lateral[sideways]:.4f} m sideways; {time:.3f} s"
+    row = broken[0][1] if broken else worst
+    check = Check(
+        name="tracking",
+        trajectory="simulation",
+        status="failed" if broken else "passed",
+        message=text or fine,
+        worst=POSITION_LIMIT - float(error[worst]),
+        unit="m",
+        violation=max(0.0, float(error[worst]) - POSITION_LIMIT),
+        at=Place(t=float(record.t[row]), x=float(record.x[row]), y=float(record.y[row])),
+    )
+    return Run(check, figures)
+
+
+def _jump(record: Record) -> int | None:
+    """Index of the first sample that its predecessor's speed cannot reach, if any."""
+    travelled = np.hypot(np.diff(record.x), np.diff(record.y))
+    fastest = np.maximum(np.abs(record.v[:-1]), np.abs(record.v[1:]))
+    far = travelled > JUMP_FACTOR * fastest * np.diff(record.t) + JUMP_SLACK
+    return int(np.argmax(far)) + 1 if far.any() else None
+
+
+def _polyline(record: Record) -> Motion:
+    """Straight lines from sample to sample at even speed, for the clearance between samples."""
+    dx, dy = np.diff(record.x), np.diff(record.y)
+    length = np.hypot(dx, dy)
+    moved = np.append(length > 0.0, True)
+    if not (length > 0.0).any():
+        rest = np.zeros(2)
+        return Motion(np.arange(2.0), record.x[:2], record.y[:2], rest, rest, rest, rest, rest)
+    x, y = record.x[moved], record.y[moved]
+    dx, dy = np.diff(x), np.diff(y)
+    clock = np.concatenate([[0.0], np.cumsum(np.hypot(dx, dy))])  # unit speed
+    heading = np.append(np.arctan2(dy, dx), 0.0)
+    zero, one = np.zeros(len(x)), np.ones(len(x))
+    return Motion(clock, x, y, heading, one, zero, zero, zero)
+
+
+def record_from_columns(columns: dict[str, Array]) -> Record:
+    """From the columns of simulation.csv; further columns are not judged."""
+    return Record(*(columns[name] for name in ("t", "x", "y", "heading", "v")))

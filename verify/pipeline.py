@@ -1,0 +1,242 @@
+"""One scenario from the question to the report: run the stages, write the evidence, have it judged."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import Any, TypeVar
+
+import numpy as np
+
+from systems.simulation import SimulationError, SimulationRun, simulate
+from verify import evidence
+from verify.atomic import ResultFolder
+from verify.judge import Judgement, judge
+from verify.report import ReportExtras, write_report
+from verify.versions import versions
+from vnav_drake.collocation import plan_full, plan_variational
+from vnav_drake.plan import Path, Plan, Trajectory
+from vnav_drake.problem import NoPathError, PlanningError
+from vnav_drake.scenario import Scenario
+from vnav_drake.voronoi import VoronoiDiagram, build_diagram
+from vnav_drake.voronoi_route import plan_voronoi_route
+
+T = TypeVar("T")
+Say = Callable[[str], None]  # is told what is being done
+
+# Facts about a plan that the judge states, so the method's own word for them is not needed.
+_JUDGED = frozenset({"travel_time", "length", "model", "feasible", "violations", "unpromised"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Missing:
+    """A stage that could not finish."""
+
+    stage: str
+    reason: str
+
+
+@dataclass(kw_only=True)
+class _Progress:
+    """What the stages have given so far."""
+
+    plans: dict[str, Plan] = field(default_factory=dict)
+    diagram: VoronoiDiagram | None = None
+    run: SimulationRun | None = None
+    missing: list[Missing] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What one run of a scenario gave."""
+
+    judgement: Judgement
+    result: Mapping[str, Any]
+    report: FilePath
+    missing: tuple[Missing, ...]
+
+    @property
+    def exit_code(self) -> int:
+        """0: all passed, 1: something failed, 3: a stage could not finish or a named gate has no stage."""
+        if self.missing or self.judgement.unmet_gates:
+            return 3
+        return 0 if self.judgement.passed else 1
+
+
+def run_scenario(
+    scenario: Scenario,
+    out: FilePath,
+    *,
+    overrides: Mapping[str, float] | None = None,
+    say: Say = lambda _text: None,
+) -> Outcome:
+    """Plan, simulate, judge and report one scenario into `out/<name>/`, whole or not at all.
+
+    Parameters
+    ----------
+    overrides : limits of gates that take precedence over the scenario's.
+
+    Raises
+    ------
+    ScenarioError : there is no path for this robot.
+    OutputError : the folder holds something that is not a result.
+    OSError : a file could not be written; an earlier result is untouched.
+    """
+    with ResultFolder(out, scenario.name) as folder:
+        done = _run_stages(scenario, say)
+        say(f"{scenario.name}: judging")
+        _write_evidence(folder.work, scenario, done)
+        begun = time.perf_counter()
+        judgement = judge(folder.work, overrides or {})
+        done.seconds["judge"] = time.perf_counter() - begun
+        result = _result(judgement, done, overrides or {})
+        say(f"{scenario.name}: writing the report")
+        write_report(
+            folder.work / evidence.REPORT,
+            scenario=scenario,
+            result=result,
+            folder=folder.work,
+            extras=_extras(done),
+        )
+        result["files"] = evidence.manifest(folder.work)
+        evidence.write_result(folder.work, result)
+        folder.publish()
+    return Outcome(
+        judgement=judgement,
+        result=result,
+        report=folder.final / evidence.REPORT,
+        missing=tuple(done.missing),
+    )
+
+
+def seed_path(plan: Plan) -> Path:
+    """The geometry of a plan, to start another method from."""
+    if plan.path is not None:
+        return plan.path
+    return _trajectory_path(plan.trajectory)
+
+
+def _trajectory_path(motion: Trajectory) -> Path:
+    step = np.diff(motion.arc_length)
+    kept = np.flatnonzero(step > 0.0)
+    return Path(
+        np.append(motion.x[kept], motion.x[-1]),
+        np.append(motion.y[kept], motion.y[-1]),
+        motion.heading[kept],
+        motion.curvature[kept],
+        step[kept],
+    )
+
+
+def _run_stages(scenario: Scenario, say: Say) -> _Progress:
+    """Each stage from what came before; what cannot finish is noted, and what does not need it goes on."""
+    problem, effort = scenario.problem, scenario.plan.effort
+    done = _Progress()
+
+    def stage(name: str, work: Callable[[], T]) -> T | None:
+        say(f"{scenario.name}: {name.replace('_', ' ')}")
+        begun = time.perf_counter()
+        try:
+            return work()
+        except NoPathError as error:
+            raise scenario.error("goal.position", str(error)) from error
+        except (PlanningError, SimulationError) as error:
+            done.missing.append(Missing(stage=name, reason=str(error)))
+            return None
+        finally:
+            done.seconds[name] = time.perf_counter() - begun
+
+    def skip(name: str, needs: str) -> None:
+        done.missing.append(Missing(stage=name, reason=f"not run: it needs {needs}"))
+
+    def told(name: str) -> Say:
+        return lambda text: say(f"{scenario.name}: {name}, {text}")
+
+    def keep(plan: Plan | None) -> Plan | None:
+        if plan is not None:
+            done.plans[plan.method] = plan
+        return plan
+
+    diagram = done.diagram = stage("voronoi", lambda: build_diagram(problem.world, problem.robot.radius))
+    route = None
+    if diagram is None:
+        skip("voronoi_route", "the Voronoi diagram")
+    else:
+        route = keep(stage("voronoi_route", lambda: plan_voronoi_route(problem, diagram)))
+    if route is None:
+        skip("collocation", "a seed")
+        skip("refined", "a seed")
+    else:
+        first = seed_path(route)
+        best = keep(
+            stage(
+                "collocation",
+                lambda: plan_variational(problem, first, effort=effort, progress=told("collocation")),
+            )
+        )
+        seed = first if best is None else seed_path(best)
+        keep(stage("refined", lambda: plan_full(problem, seed, effort=effort, progress=told("refined"))))
+    refined = done.plans.get("refined")
+    if refined is None:
+        skip("simulation", "a refined trajectory")
+    else:
+        done.run = stage("simulation", lambda: simulate(problem.robot, refined.trajectory))
+    return done
+
+
+def _write_evidence(folder: FilePath, scenario: Scenario, done: _Progress) -> None:
+    (folder / evidence.SCENARIO).write_bytes(scenario.data)
+    (folder / evidence.TRAJECTORIES).mkdir()
+    for name, plan in done.plans.items():
+        plan.trajectory.to_csv(folder / evidence.TRAJECTORIES / f"{name}.csv")
+    if "refined" in done.plans:
+        copy = (folder / evidence.TRAJECTORIES / "refined.csv").read_bytes()
+        (folder / evidence.EXECUTED).write_bytes(copy)
+    if done.run is not None:
+        done.run.to_csv(folder / evidence.SIMULATION)
+
+
+def _result(judgement: Judgement, done: _Progress, overrides: Mapping[str, float]) -> dict[str, Any]:
+    """result.json without the manifest: what the judge found, and what is known of how it was made."""
+    result: dict[str, Any] = {"schema": evidence.SCHEMA, **judgement.as_result()}
+    for name, plan in done.plans.items():
+        facts = {key: value for key, value in plain(plan.details).items() if key not in _JUDGED}
+        result["plans"][name] |= facts | {"compute_time": done.seconds[name]}
+    if done.run is not None and "simulation" in result:
+        figures = result["simulation"]
+        about = plain(done.run.details)
+        result["simulation"] = (
+            about | figures | {"model": done.run.model, "compute_time": done.seconds["simulation"]}
+        )
+    result["gate_overrides"] = dict(overrides)
+    result["missing"] = [{"stage": item.stage, "reason": item.reason} for item in done.missing]
+    result["compute_times"] = dict(done.seconds)
+    result["versions"] = versions()
+    return result
+
+
+def _extras(done: _Progress) -> ReportExtras:
+    history = {
+        name: plan.details["history"] for name, plan in done.plans.items() if "history" in plan.details
+    }
+    return ReportExtras(diagram=done.diagram, history=history, timings=dict(done.seconds))
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON can hold it: numpy scalars as numbers; what is not finite, or no data, left out."""
+    if isinstance(value, Mapping):
+        pairs = ((str(key), plain(item)) for key, item in value.items())
+        return {key: item for key, item in pairs if item is not None}
+    if isinstance(value, list | tuple):
+        return [item for item in map(plain, value) if item is not None]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return None

@@ -1,0 +1,43 @@
+"""A judgement in a few lines of text."""
+
+from __future__ import annotations
+
+from verify.judge import Gate, Judgement
+
+
+def headline(judgement: Judgement) -> str:
+    """Verdict, travel times and gap on one line."""
+    parts = [f"{judgement.scenario}: {judgement.verdict}"]
+    names = ("refined", "collocation", "voronoi_route")
+    times = [(name, judgement.plans[name]["travel_time"]) for name in names if name in judgement.plans]
+    parts += [f"{name} {time:.3f} s" for name, time in times]
+    if "refinement" in judgement.gaps:
+        parts.append(f"gap {round(100.0 * judgement.gaps['refinement'], 3) + 0.0:.3f} %")
+    return "  ".join(parts)
+
+
+def failures(judgement: Judgement) -> list[str]:
+    """One line for each failing gate, failed check, and named gate that could not be evaluated."""
+    lines = [gate_line(gate) for gate in (*judgement.failing_gates, *judgement.unmet_gates)]
+    lines += [f"check {c.name} ({c.trajectory}): {c.message}" for c in judgement.failing_checks]
+    if judgement.verdict == "failed" and not lines:
+        lines += [f"verdict: {reason}" for reason in judgement.reasons]
+    return lines
+
+
+def gate_line(gate: Gate) -> str:
+    """A gate with its value and limit."""
+    given = " (limit from the command line)" if gate.overridden else ""
+    if gate.value is None:
+        return f"gate {gate.name}: {gate.reason}{given}"
+    word = "holds" if gate.passed else "fails"
+    return f"gate {gate.name}: {word}, value {gate.value:.6g}, limit {gate.limit:.6g}{given}"
+
+
+def details(judgement: Judgement) -> list[str]:
+    """Every gate and every check, one line each."""
+    lines = [gate_line(gate) for gate in judgement.gates]
+    for check in judgement.checks:
+        whose = f" ({check.trajectory})" if check.trajectory else ""
+        lines.append(f"check {check.name}{whose}: {check.status.replace('_', ' ')}: {check.message}")
+    return lines
