@@ -1,0 +1,190 @@
+"""What the vehicle must do to follow a trajectory: the inverse of the single-track model.
+
+The planned path is that of the centre of mass, so its acceleration (a, v^2 kappa) is prescribed and the
+body follows. With beta the angle from the body to the direction of travel and r the yaw rate,
+`d(beta)/dt = v kappa - r`. The two lateral axle forces add up to the prescribed one, so the yaw equation
+needs only the rear force, which follows from the rear slip `v sin(beta) - b r`. A jump of the curvature
+therefore needs no jump of the body: beta follows kappa within half a wheelbase. Front force, slip and
+steering angle come from what is left (Derived).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from systems.single_track import STEERING_TIME_CONSTANT, Body, State
+from systems.tyre import (
+    CORNERING_STIFFNESS,
+    SLIP_REGULARISATION,
+    brush_force,
+    brush_slip,
+    brush_slope,
+    rolling_speed,
+)
+from vnav_drake.plan import Trajectory
+from vnav_drake.robot import GRAVITY
+
+Array = NDArray[np.float64]
+
+FRICTION_USED = (
+    0.98  # of the friction circle that feed-forward may ask for: beyond, the inverse tyre law is flat
+)
+YAW_FRICTION = 0.3  # share of the friction that turning the body (not the path) may take
+SHORTEST_SMOOTHING = 0.06  # [s], of curvature: two time constants of the steering servo
+LONGEST_SMOOTHING = 0.8  # [s]
+SOFTEST = (
+    0.15  # of the cornering stiffness: least secant used here, so that a plan beyond friction stays bounded
+)
+SLOW = 0.02  # [m/s]: below, the front wheel is set by geometry alone
+PASSES = 4  # of the fixed point between drive force and steering angle, each gains about a digit
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demand:
+    """A trajectory sampled every `period` seconds, with what the vehicle must do there; arrays (n,)."""
+
+    period: float  # [s]
+    smoothing: float  # [s], width of the moving average of the curvature
+    arc_length: Array  # [m]
+    speed: Array  # [m/s], of the centre of mass along the path
+    acceleration: Array  # [m/s^2], tangential
+    course: Array  # [rad], direction of travel, unwrapped
+    heading: Array  # [rad], of the body
+    lateral_velocity: Array  # [m/s], in the body's frame
+    yaw_rate: Array  # [rad/s]
+    steering: Array  # [rad]
+    steering_command: Array  # [rad], leads `steering` by the lag of the servo
+    force: Array  # [N], drive force
+    front_stiffness: Array  # [N/(m/s)], lateral force lost per lateral velocity of the axle
+    rear_stiffness: Array  # [N/(m/s)]
+    steering_stiffness: Array  # [N/rad], lateral force gained per steering angle
+
+    def state(self, trajectory: Trajectory) -> State:
+        """State of a vehicle that is exactly on the first row."""
+        slip_angle = self.course[0] - self.heading[0]
+        return State(
+            float(trajectory.x[0]),
+            float(trajectory.y[0]),
+            float(self.heading[0]),
+            float(self.speed[0] * math.cos(slip_angle)),
+            float(self.lateral_velocity[0]),
+            float(self.yaw_rate[0]),
+            float(self.steering[0]),
+        )
+
+
+def _moving_average(values: Array, half: int) -> Array:
+    padded = np.concatenate([np.full(half, values[0]), values, np.full(half, values[-1])])
+    total = np.concatenate([[0.0], np.cumsum(padded)])
+    return (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
+
+
+def _body_motion(body: Body, v: Array, a: Array, kappa: Array, period: float) -> tuple[Array, Array]:
+    """Angle beta from body to direction of travel [rad] and yaw rate r [rad/s] along the samples.
+
+    Integrates d(beta)/dt = v kappa - r and k^2 dr/dt = b (left - 2 Y_r), Y_r the rear force over mass,
+    from the steady turn of the first sample. The tyre is stiff, so its force is taken at the end of the step
+    (secant stiffness of the step before): stable for every step.
+    """
+    b, k2, mu = body.half_base, body.gyration_squared, body.friction
+    softest = SOFTEST * CORNERING_STIFFNESS
+    rate = float(v[0] * kappa[0])
+    side = min(max(float(v[0]) ** 2 * float(kappa[0]) / GRAVITY, -FRICTION_USED * mu), FRICTION_USED * mu)
+    slip = -float(brush_slip(side, mu))
+    across = b * rate + slip * rolling_speed(float(v[0]))
+    sine = across / float(v[0]) if v[0] > SLIP_REGULARISATION else b * float(kappa[0])
+    beta = math.asin(min(max(sine, -1.0), 1.0))
+    betas, rates = [beta], [rate]
+    for speed, gain, bend in zip(v[1:].tolist(), a[1:].tolist(), kappa[1:].tolist(), strict=True):
+        cosine, sine = math.cos(beta), math.sin(beta)
+        turn = speed * speed * bend
+        forward, left = gain * cosine - turn * sine, gain * sine + turn * cosine
+        load = GRAVITY * (0.5 + 0.5 * body.com_height * forward / (b * GRAVITY))  # rear, over mass
+        force = brush_force(slip, mu)
+        secant = max(force / slip if abs(slip) > 1e-6 else CORNERING_STIFFNESS, softest)
+        damping = max(load, 0.0) * secant / rolling_speed(speed)  # rear force over mass and lateral velocity
+        pull = period * b / k2
+        rate = (rate + pull * (left + 2.0 * damping * speed * sine)) / (1.0 + 2.0 * b * pull * damping)
+        slip = (speed * sine - b * rate) / rolling_speed(speed)
+        beta += period * (speed * bend - rate)
+        betas.append(beta)
+        rates.append(rate)
+    return np.array(betas), np.array(rates)
+
+
+def demand(body: Body, trajectory: Trajectory, period: float) -> Demand:
+    """Sample a trajectory every `period` [s] and invert the vehicle along it.
+
+    Curvature is averaged over the shortest time window (symmetric, so without delay) with which the steering
+    servo's rate suffices and turning the body takes at most `YAW_FRICTION` of the friction.
+    """
+    width = SHORTEST_SMOOTHING
+    while True:
+        result = _demand(body, trajectory, period, width)
+        turning = body.gyration_squared * np.abs(np.gradient(result.yaw_rate, period)).max()
+        rate = np.abs(np.gradient(result.steering, period)).max()
+        allowed = YAW_FRICTION * body.friction * GRAVITY * body.half_base
+        if width >= LONGEST_SMOOTHING or (turning <= allowed and rate <= body.max_steering_rate):
+            return result
+        width *= 1.4
+
+
+def _demand(body: Body, trajectory: Trajectory, period: float, width: float) -> Demand:
+    count = max(math.ceil(trajectory.travel_time / period - 1e-9), 1) + 1
+    t = trajectory.t[0] + period * np.arange(count)
+    time = np.minimum(t, trajectory.t[-1])
+    _, _, course, v, _, curvature = trajectory.at(time)
+    v = np.maximum(v, 0.0)
+    row = np.clip(np.searchsorted(trajectory.t, time, side="right") - 1, 0, len(trajectory.t) - 2)
+    s = trajectory.arc_length[row] + 0.5 * (trajectory.v[row] + v) * (time - trajectory.t[row])
+    a = np.append(np.diff(v), 0.0) / period  # mean over the sample, as the command is held
+    a[-2:] = trajectory.a[-1]
+    kappa = _moving_average(curvature, max(round(0.5 * width / period), 1))
+
+    b, mu, h, weight = body.half_base, body.friction, body.com_height, body.mass * GRAVITY
+    beta, turn = _body_motion(body, v, a, kappa, period)
+    yaw = body.gyration_squared * np.gradient(turn, period) / b
+    forward = a * np.cos(beta) - v * v * kappa * np.sin(beta)  # acceleration in the body's frame
+    left = a * np.sin(beta) + v * v * kappa * np.cos(beta)
+    share_f = np.clip(0.5 - 0.5 * h * forward / (b * GRAVITY), 0.05, 0.95)  # of the weight on the front axle
+    share_r = 1.0 - share_f
+    body_f = 0.5 * (left + yaw) / (GRAVITY * share_f)  # lateral force over load, in the body's frame
+    body_r = 0.5 * (left - yaw) / (GRAVITY * share_r)
+    rolling = np.hypot(v, SLIP_REGULARISATION)
+    across, along = v * np.sin(beta) + b * turn, v * np.cos(beta)
+    front_angle = np.where(v > SLOW, np.arctan2(across, along), np.arctan(2.0 * np.tan(beta)))
+    steering, side_f, drive = front_angle, np.zeros(count), a / GRAVITY
+    for _ in range(PASSES):
+        cosine, sine = np.cos(steering), np.sin(steering)
+        drive = (forward / GRAVITY + side_f * share_f * sine) / (share_f * cosine + share_r)
+        drive = np.clip(drive, body.min_force / weight, body.max_force / weight)
+        room = np.sqrt(np.maximum((FRICTION_USED * mu) ** 2 - drive * drive, 0.01 * mu * mu))
+        side_f = np.clip((body_f - drive * sine) / cosine, -room, room)
+        slip_f = -brush_slip(side_f, mu)
+        # the wheel points where its axle moves, turned back by its slip angle
+        steering = front_angle - np.arctan(slip_f * rolling / np.maximum(v, SLIP_REGULARISATION))
+        steering = np.clip(steering, -body.max_steering, body.max_steering)
+    slip_r = -brush_slip(np.clip(body_r, -room, room), mu)
+    softest = SOFTEST * CORNERING_STIFFNESS
+    front = weight * share_f * np.maximum(brush_slope(slip_f, mu), softest) / rolling
+    return Demand(
+        period=period,
+        smoothing=width,
+        arc_length=s,
+        speed=v,
+        acceleration=a,
+        course=course,
+        heading=course - beta,
+        lateral_velocity=v * np.sin(beta),
+        yaw_rate=turn,
+        steering=steering,
+        steering_command=steering + STEERING_TIME_CONSTANT * np.gradient(steering, period),
+        force=weight * drive,
+        front_stiffness=front,
+        rear_stiffness=weight * share_r * np.maximum(brush_slope(slip_r, mu), softest) / rolling,
+        steering_stiffness=front * v,
+    )
