@@ -8,8 +8,10 @@ from typing import Literal
 
 from vnav_drake.collocation.refine import BUDGETS, refine
 from vnav_drake.collocation.seed import first_mesh
+from vnav_drake.collocation.units import unit_braking
 from vnav_drake.plan import Model, Path, Plan
 from vnav_drake.problem import Problem
+from vnav_drake.speed_profile import fastest_profile
 
 Effort = Literal["quick", "full"]
 Progress = Callable[[str], None]
@@ -48,13 +50,20 @@ def _plan(
 ) -> Plan:
     begun = time.perf_counter()
     budget = BUDGETS[effort]
-    result = refine(problem, first_mesh(problem, seed, budget.intervals), model, budget, progress)
+    scaled, unit = unit_braking(problem)
+    report = None if progress is None else _in_seconds(progress, unit)
+    result = refine(scaled, first_mesh(scaled, seed, budget.intervals), model, budget, report)
+    trajectory = fastest_profile(problem, result.path, model=model)
     details = {
         "solver": "SNOPT",
         "transcription": "arcs",
         "intervals": result.mesh.intervals,
         "iterations": sum(entry.iterations for entry in result.rounds),
         "compute_time": time.perf_counter() - begun,
-        "history": result.history,
+        "history": [entry.in_seconds(unit) for entry in result.rounds],
     }
-    return Plan(method=method, model=model, trajectory=result.trajectory, path=result.path, details=details)
+    return Plan(method=method, model=model, trajectory=trajectory, path=result.path, details=details)
+
+
+def _in_seconds(progress: Progress, unit: float) -> Callable[[int, float], None]:
+    return lambda intervals, time: progress(f"{intervals} intervals, {time * unit:.4f} s")

@@ -28,7 +28,8 @@ ARCS = Arcs()
 SNOPT_OPTIONS = {
     "Major feasibility tolerance": FEASIBILITY,
     "Minor feasibility tolerance": FEASIBILITY,
-    "Major optimality tolerance": 1e-5,
+    "Major optimality tolerance": 1e-4,  # 1e-5 changes the travel time by under 1e-8
+    "QPSolver": "QN",  # a fifth faster than Cholesky: many of the speeds stay superbasic
     "Major iterations limit": 500,
     "Minor iterations limit": 50_000,
     "Superbasics limit": 3000,
@@ -159,13 +160,16 @@ def _blocks(
 
 def _for_drake(block: Block) -> Callable[[Array], Array]:
     """The block as Drake calls it: with floats, or with AutoDiff scalars for the derivative."""
+    identity = np.eye(len(block.variables))
 
     def evaluate(z: Array) -> Array:
         if z.dtype == float:
             return block.evaluate(z)[0]
         value, data = block.evaluate(ExtractValue(z).ravel())
-        gradient = block.jacobian(data) @ ExtractGradient(z)
-        return InitializeAutoDiff(value, gradient)
+        jacobian, seed = block.jacobian(data), ExtractGradient(z)
+        if not np.array_equal(seed, identity):  # solvers ask for plain derivatives
+            jacobian = jacobian @ seed
+        return InitializeAutoDiff(value, jacobian)
 
     return evaluate
 

@@ -55,6 +55,13 @@ class Round:
     travel_time: float | None  # [s], of the retimed motion; None when the geometry is not safe
     worst_violation: float  # [m], of the braking distance
 
+    def in_seconds(self, unit: float) -> dict[str, object]:
+        """As a table row, times of travel in units of `unit` [s] turned into seconds."""
+        row = asdict(self)
+        for key in ("program_time", "travel_time"):
+            row[key] = None if row[key] is None else row[key] * unit
+        return row
+
 
 @dataclass(frozen=True)
 class Refined:
@@ -65,17 +72,13 @@ class Refined:
     mesh: Mesh
     rounds: tuple[Round, ...]
 
-    @property
-    def history(self) -> list[dict[str, object]]:
-        return [asdict(entry) for entry in self.rounds]
-
 
 def refine(
     problem: Problem,
     guess: Mesh,
     model: Model,
     budget: Budget,
-    progress: Callable[[str], None] | None = None,
+    progress: Callable[[int, float], None] | None = None,
     transcription: Transcription = ARCS,
 ) -> Refined:
     """Alternate between the program and the continuous-time profile on its geometry.
@@ -112,9 +115,9 @@ def refine(
             continue
         rounds.append(_round(number, solution, trajectory, problem))
         if progress is not None:
-            progress(f"{mesh.intervals} intervals, {trajectory.travel_time:.4f} s")
+            progress(mesh.intervals, trajectory.travel_time)
         gain = 1.0 if best is None else 1.0 - trajectory.travel_time / best[1].travel_time
-        rate = greatest_steering_rate(trajectory, problem.robot)
+        rate = 0.0 if math.isinf(limit) else greatest_steering_rate(trajectory, problem.robot)
         if rate > limit:
             reason = f"the steering would turn at {rate:.3f} rad/s, more than {limit:.3f} rad/s"
             allowed *= RATE_BACKOFF * limit / rate
