@@ -1,4 +1,4 @@
-"""A result folder made by hand for the tests of the report: the warehouse, three motions, one simulated run."""
+"""A result folder made by hand for the tests of the report: warehouse, three motions, one simulated run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RACKS = [(f"O{i + 1}", x, y) for i, (y, x) in enumerate((y, x) for y in (22, 16,
 
 
 def warehouse_text(*, name: str = "warehouse", description: str = "Rest to rest", rack: str = "O1") -> str:
-    """The scenario file; `description` and the first rack's name are put in as JSON strings by the caller's choice."""
+    """The scenario file; the words go into it as they are, so quote what YAML would not take."""
     lines = [
         "schema: 1",
         f"name: {name}",
@@ -26,9 +26,8 @@ def warehouse_text(*, name: str = "warehouse", description: str = "Rest to rest"
     ]
     for own, x, y in RACKS:
         shown = rack if own == "O1" else own
-        lines.append(
-            f"    - {{name: {shown}, vertices: [[{x}, {y}], [{x + 10}, {y}], [{x + 10}, {y + 5}], [{x}, {y + 5}]]}}"
-        )
+        corners = [[x, y], [x + 10, y], [x + 10, y + 5], [x, y + 5]]
+        lines.append(f"    - {{name: {shown}, vertices: {corners}}}")
     lines += [
         "robot: {radius: 0.4, mass: 40, wheelbase: 0.5, track: 0.4, com_height: 0.12, friction: 0.6,",
         "  max_braking: 1.0, max_acceleration: 1.0, max_steering: 0.6}",
@@ -103,7 +102,7 @@ def write_folder(folder: FilePath, scenario: Scenario) -> dict[str, Any]:
     np.savetxt(folder / "simulation.csv", rows, delimiter=",", header="t,x,y,heading,v", comments="")
     facts = {name: {"travel_time": plan.travel_time, "length": plan.length} for name, plan in plans.items()}
     optimum = plans["collocation"].travel_time
-    result = {
+    result: dict[str, Any] = {
         "schema": 1,
         "scenario": scenario.name,
         "scenario_sha256": scenario.sha256,

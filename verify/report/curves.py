@@ -36,16 +36,20 @@ def halo(text: Text) -> Text:
     return text
 
 
-def label_curves(axes: Axes, curves: Sequence[Curve], *, size: float = 10.0) -> None:
+def label_curves(
+    axes: Axes, curves: Sequence[Curve], *, size: float = 10.0, gaps: tuple[float, ...] = (4.0, 12.0)
+) -> None:
     """Write each curve's text beside it where it covers fewest points of all the curves.
 
-    Call it when the limits of the axes are final. Labels are horizontal and stay inside the axes.
+    Call it when the limits of the axes are final. Labels are horizontal, stay inside the axes and keep one
+    of the distances `gaps` [px] from their curve.
     """
     figure = axes.figure.figure
     figure.draw_without_rendering()
     dense = [_dense(axes, curve) for curve in curves]
     points = np.concatenate(dense) if dense else np.empty((0, 2))
-    frame, taken = axes.get_window_extent(), []
+    frame = axes.get_window_extent()
+    taken: list[Bbox] = []
     for curve, own in zip(curves, dense, strict=True):
         inside = own[np.all((own >= frame.min) & (own <= frame.max), axis=1)]
         if not curve.text or not len(inside):
@@ -55,11 +59,16 @@ def label_curves(axes: Axes, curves: Sequence[Curve], *, size: float = 10.0) -> 
         half = np.array([box.width, box.height]) / 2.0
         spots = inside[np.linspace(0, len(inside) - 1, _PLACES).astype(np.int64)]
         candidates = np.concatenate(
-            [spots + [0.0, sign * (half[1] + gap)] for sign in (1, -1) for gap in (4.0, 12.0)]
+            [spots + np.array([0.0, sign * (half[1] + gap)]) for sign in (1, -1) for gap in gaps]
+        )
+        room = np.maximum(half + 2.0, 0.0)
+        candidates[:, 0] = np.clip(
+            candidates[:, 0], frame.x0 + room[0], max(frame.x1 - room[0], frame.x0 + room[0])
         )
         costs = [_cost(c, half, points, frame, taken) for c in candidates]
         best = candidates[int(np.argmin(costs))]
-        text.set_position(axes.transData.inverted().transform(best))
+        x, y = axes.transData.inverted().transform(best)
+        text.set_position((float(x), float(y)))
         halo(text)
         taken.append(Bbox([best - half, best + half]))
 

@@ -1,4 +1,4 @@
-"""What the result folder holds, read for drawing. What is missing or unreadable becomes a reason, never an error."""
+"""What the result folder holds, read for drawing: what is missing becomes a reason, never an error."""
 
 from __future__ import annotations
 

@@ -50,8 +50,8 @@ def draw_map(data: MapData) -> Picture:
     described = {
         "key": "map",
         "title": "Map of the world and the paths",
-        "description": f"A floor of {x1 - x0:g} by {y1 - y0:g} metres with {len(data.problem.world.obstacles)} obstacles, "
-        "the robot's disc at start and goal, "
+        "description": f"A floor of {x1 - x0:g} by {y1 - y0:g} metres with "
+        f"{len(data.problem.world.obstacles)} obstacles, the robot's disc at start and goal, "
         + (f"the paths of {lines}, " if lines else "")
         + (
             "and the executed path coloured by speed."
@@ -77,7 +77,7 @@ def _draw(data: MapData, described: dict[str, str], *, narrow: bool) -> Markup:
     size = world.diameter
     axes.add_collection(
         LineCollection(
-            [np.column_stack(thinned_path(*arc.T, size)) for arc in data.arcs if len(arc) > 1],
+            [np.column_stack(thinned_path(arc[:, 0], arc[:, 1], size)) for arc in data.arcs if len(arc) > 1],
             colors=ARC.light,
             linewidths=0.7,
         )
@@ -97,8 +97,9 @@ def _draw(data: MapData, described: dict[str, str], *, narrow: bool) -> Markup:
             pad=0.02,
         )
         bar.set_label("speed of the executed motion [m/s]")
-        bar.outline.set_visible(False)  # type: ignore[operator]
-        bar.solids.set_edgecolor("face")  # type: ignore[union-attr]
+        bar.outline.set_visible(False)
+        if bar.solids is not None:
+            bar.solids.set_edgecolor("face")
     for name, motion in above:
         _line(axes, name, motion, size, 1.3)
     draw_ends(axes, data.problem, data.executed)
@@ -131,7 +132,7 @@ def map_height(world: World, width: float, *, bar: bool) -> float:
 
 
 def draw_world(axes: Axes, world: World, *, names: bool) -> None:
-    """Floor, obstacles with their names, and a scale bar below; equal scales."""
+    """Floor, obstacles with their names, and a scale bar above; equal scales."""
     x0, y0, x1, y1 = world.bounds
     axes.set_aspect("equal")
     axes.grid(False)
@@ -157,8 +158,8 @@ def draw_world(axes: Axes, world: World, *, names: bool) -> None:
     pad = 0.025 * max(x1 - x0, y1 - y0)
     foot = max(0.075 * (y1 - y0), 0.03 * (x1 - x0))
     axes.set_xlim(x0 - pad, x1 + pad)
-    axes.set_ylim(y0 - foot - pad, y1 + pad)
-    _scale_bar(axes, (x0, y0 - 0.55 * foot), x1 - x0)
+    axes.set_ylim(y0 - pad, y1 + foot + pad)
+    _scale_bar(axes, (x0, y1 + 0.6 * foot), x1 - x0)
     if names and len(world.obstacles) <= MOST_NAMES:
         _names(axes, world)
 
@@ -210,11 +211,13 @@ def _names(axes: Axes, world: World) -> None:
 
 
 def draw_speed(axes: Axes, motion: Trajectory, *, width: float) -> ScalarMappable:
-    """The path in pieces coloured by speed, with a thin rim so that every colour stands out on every ground."""
+    """The path in pieces coloured by speed, with a thin rim that lifts every colour off every ground."""
     s = motion.arc_length
     at = np.linspace(0.0, s[-1], COLOURED_PIECES + 1)
     points = np.column_stack([np.interp(at, s, motion.x), np.interp(at, s, motion.y)])
-    middle = np.interp(0.5 * (at[1:] + at[:-1]), s, motion.v)
+    middle = np.sqrt(
+        np.interp(0.5 * (at[1:] + at[:-1]), s, np.square(motion.v))
+    )  # v^2 is linear within a row
     colours = ScalarMappable(
         Normalize(0.0, float(motion.v.max()) or 1.0), matplotlib.colormaps[SPEED_MAP].resampled(BAR_STEPS)
     )

@@ -64,7 +64,7 @@ def _knots(data: MeshData) -> Picture:
 
 def _intervals(data: MeshData) -> Picture:
     key, title = "mesh-intervals", "Interval length along the path"
-    figure, axes = new_axes(PANEL, 0.72 * PANEL, x="path length [m]", y="interval length [m]")
+    figure, axes = new_axes(PANEL, 0.58 * PANEL, x="path length [m]", y="interval length [m]")
     curves, said = [], []
     for name, mesh in data.meshes.items():
         look = method(name)
@@ -79,7 +79,8 @@ def _intervals(data: MeshData) -> Picture:
         )
         curves.append(Curve(x=x, y=y, text=f"{look.label}: {len(mesh.lengths)}", colour=look.text))
         said.append(
-            f"{look.label}: {len(mesh.lengths)} intervals, {mesh.lengths.min():.3g} to {mesh.lengths.max():.3g} m"
+            f"{look.label}: {len(mesh.lengths)} intervals, "
+            f"{mesh.lengths.min():.3g} to {mesh.lengths.max():.3g} m"
         )
     lengths = np.concatenate([mesh.lengths for mesh in data.meshes.values()])
     axes.set_xlim(0.0, max(float(mesh.s[-1]) for mesh in data.meshes.values()))
@@ -94,7 +95,7 @@ def _intervals(data: MeshData) -> Picture:
 def _convergence(rounds: Mapping[str, Sequence[float]], limit: float | None) -> Picture:
     key, title = "mesh-rounds", "Violation between knots, round by round"
     figure, axes = new_axes(
-        PANEL, 0.72 * PANEL, x="round of mesh refinement", y="worst violation, normalised"
+        PANEL, 0.58 * PANEL, x="round of mesh refinement", y="worst violation, normalised"
     )
     floor = 1e-12
     curves = []
@@ -108,7 +109,7 @@ def _convergence(rounds: Mapping[str, Sequence[float]], limit: float | None) -> 
     longest = max(len(values) for values in rounds.values())
     axes.set_xlim(0.7, longest + 0.3)
     axes.set_xticks(range(1, longest + 1, max(1, longest // 8)))
-    logarithmic(axes, min(shown), max(shown))
+    logarithmic(axes, 0.5 * min(shown), max(shown))
     if limit:
         axes.axhline(limit, color=LIMIT.light, ls=(0, (5, 2)), lw=1.3)
         curves.append(
@@ -119,7 +120,7 @@ def _convergence(rounds: Mapping[str, Sequence[float]], limit: float | None) -> 
                 colour=LIMIT.light,
             )
         )
-    label_curves(axes, curves)
+    label_curves(axes, curves, gaps=(9.0, 16.0))
     spoken = (
         "; ".join(
             f"{method(n).label}: " + ", ".join(f"{v:.1e}" for v in values) for n, values in rounds.items()
@@ -133,7 +134,8 @@ def _convergence(rounds: Mapping[str, Sequence[float]], limit: float | None) -> 
         description=spoken,
         svg=svg,
         heading=title,
-        caption="Greatest breach of any limit between the knots after each round.",
+        caption="Greatest breach of any limit between the knots of the program's solution after each round, "
+        "before the fastest safe speed is computed anew on the final path.",
     )
 
 

@@ -14,9 +14,8 @@ from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
 from verify.report.curves import Curve, label_curves
-from verify.report.evidence import SimulatedRun
 from verify.report.palette import INK, LIMIT, MUTED, Dash, method
-from verify.report.series import row_ends, thinned
+from verify.report.series import in_steps, row_ends, thinned
 from verify.report.svg import NARROW, PANEL, WIDE, Picture, drawing_style, new_axes, to_svg
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
@@ -35,7 +34,6 @@ class SpeedData:
     motion: Trajectory
     plan: str  # method of `motion`
     variational: Trajectory | None
-    simulation: SimulatedRun | None
     over: Literal["path", "time"]
 
 
@@ -45,9 +43,9 @@ def draw_speed_curve(data: SpeedData) -> Picture:
     described = {
         "key": f"speed-{data.over}",
         "title": f"Speed over {over}",
-        "description": f"Speed of the executed motion over {over}, from {data.motion.v[0]:.2f} m/s at the start to "
-        f"{data.motion.v[-1]:.2f} m/s at the goal, greatest {data.motion.v.max():.2f} m/s, "
-        "below the dashed braking limit V(d) along the same path.",
+        "description": f"Speed of the executed motion over {over}, "
+        f"from {data.motion.v[0]:.2f} m/s at the start to {data.motion.v[-1]:.2f} m/s at the goal, "
+        f"greatest {data.motion.v.max():.2f} m/s, below the dashed braking limit V(d) along the same path.",
     }
     with drawing_style():
         return Picture(
@@ -62,15 +60,17 @@ def _speed(data: SpeedData, described: dict[str, str], width: float, height: flo
     x, unit = (rows.s, "path length [m]") if data.over == "path" else (rows.t, "time [s]")
     figure, axes = new_axes(width, height, x=unit, y="speed [m/s]")
     short = width < WIDE
-    limit = problem.braking.speed(rows.clearance)
-    top = 1.18 * max(float(rows.v.max()), float(limit.max()))
+    t, s, v, clearance = in_steps(data.motion, 4)
+    fine, limit = (s if data.over == "path" else t), problem.braking.speed(clearance)
+    top = 1.18 * max(float(v.max()), float(limit.max()))
     curves = []
 
     def draw(x: Array, y: Array, text: str, colour: str, words: str, dash: Dash, line: float) -> None:
-        axes.plot(*thinned(x, y), color=colour, ls=dash, lw=line, dash_capstyle="butt")
-        curves.append(Curve(x=x, y=np.minimum(y, 2.0 * top), text=text, colour=words))
+        shown = np.minimum(y, 2.0 * top)  # limits may be infinite
+        axes.plot(*thinned(x, shown), color=colour, ls=dash, lw=line, dash_capstyle="butt")
+        curves.append(Curve(x=x, y=shown, text=text, colour=words))
 
-    draw(x, limit, "V(d)" if short else "braking limit V(d)", LIMIT.light, LIMIT.light, LIMIT_DASH, 1.4)
+    draw(fine, limit, "V(d)" if short else "braking limit V(d)", LIMIT.light, LIMIT.light, LIMIT_DASH, 1.4)
     bend = _bend_limit(problem, rows.curvature)
     if np.any(bend < top):
         words = "bends" if short else f"{_bend_name(problem)} √(limit/|κ|)"
@@ -80,23 +80,19 @@ def _speed(data: SpeedData, described: dict[str, str], width: float, height: flo
         draw(x, cap, "v_max", LIMIT.light, LIMIT.light, LIMIT_DASH, 1.0)
     if data.over == "time" and data.variational is not None and data.plan != "collocation":
         other = method("collocation")
-        draw(data.variational.t, data.variational.v, "variational", other.light, other.text, other.dash, 1.3)
-    draw(
-        x,
-        rows.v,
-        "executed",
-        look.light,
-        look.text,
-        look.dash if data.plan == "voronoi_route" else "solid",
-        2.2,
-    )
-    if data.simulation is not None:
-        run = data.simulation
-        other = method("simulation")
-        along = run.arc_length if data.over == "path" else run.t
-        draw(along, run.v, "simulated", other.light, other.text, other.dash, 1.2)
+        draw(
+            data.variational.t,
+            data.variational.v,
+            "variational optimum",
+            other.light,
+            other.text,
+            other.dash,
+            1.3,
+        )
+    draw(fine, v, "executed", look.light, look.text, "solid", 2.2)
     axes.set_xlim(0.0, max(float(c.x[-1]) for c in curves))
     axes.set_ylim(0.0, top)
+    axes.locator_params(axis="y", nbins=5)
     label_curves(axes, curves)
     return to_svg(figure, **described)
 
@@ -161,14 +157,11 @@ def _circle(
     for i, (name, motion) in enumerate(data.motions):
         rows, look, last = row_ends(motion), method(name), i == len(data.motions) - 1
         points = np.column_stack([rows.lateral, rows.a]) / mu_g
-        kept = _distinct(points, reach / 250.0)
-        axes.plot(
-            *kept.T,
-            color=look.light,
-            lw=1.6 if last else 1.0,
-            ls="solid" if last else look.dash,
-            zorder=3 if last else 2,
-        )
+        kept = _distinct(points, reach / 200.0)
+        if last:
+            axes.plot(kept[:, 0], kept[:, 1], "o", color=look.light, ms=2.2, mew=0, zorder=3)
+        else:
+            axes.plot(kept[:, 0], kept[:, 1], "o", mfc="none", mec=look.light, ms=4.2, mew=0.7, zorder=2)
     axes.add_patch(Circle((0, 0), 1.0, fill=False, ec=LIMIT.light, ls=LIMIT_DASH, lw=1.4))
     _note(axes, 0.0, 1.0, f"friction μg = {mu_g:.2f} m/s²", reach)
     if inset is None:
@@ -231,7 +224,6 @@ def _note(axes: Axes, x: float, y: float, text: str, reach: float, *, left: bool
 
 
 def _distinct(points: Array, step: float) -> Array:
-    """The points without those that fall on the same grid cell as the one before."""
+    """One of the points for each grid cell of side `step`: the same dots at a fraction of the size."""
     cell = np.round(points / step).astype(np.int64)
-    new = np.concatenate([[True], np.any(np.diff(cell, axis=0) != 0, axis=1)])
-    return points[new]
+    return points[np.sort(np.unique(cell, axis=0, return_index=True)[1])]

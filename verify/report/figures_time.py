@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
+
+from markupsafe import Markup
+from matplotlib.axes import Axes
 
 from verify.report.numbers import percent, seconds
 from verify.report.palette import INK, LIMIT, MUTED, method
@@ -43,7 +47,7 @@ def draw_bracket(data: BracketData) -> Picture:
         )
 
 
-def _draw(data: BracketData, described: dict[str, str], *, narrow: bool):  # type: ignore[no-untyped-def]
+def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Markup:
     rows = data.rows
     pitch = 46 if narrow else 34
     figure, axes = new_axes(NARROW if narrow else WIDE, 56 + pitch * len(rows), x="travel time [s]", y="")
@@ -56,34 +60,20 @@ def _draw(data: BracketData, described: dict[str, str], *, narrow: bool):  # typ
         axes.plot(
             row.travel_time, i, look.marker, color=look.light, ms=9, mec=INK.light, mew=0.8, clip_on=False
         )
-        note = seconds(row.travel_time)
-        if row.method == data.reference:
-            note += "   reference"
-        elif reference is not None:
-            note += "   " + percent(row.travel_time / reference - 1.0, signed=True)
+        share = ""
+        if reference is not None:
+            same = row.method == data.reference
+            share = "reference" if same else percent(row.travel_time / reference - 1.0, signed=True)
         if narrow:
-            axes.annotate(
-                f"{look.label}   {note}",
-                (0.0, i),
-                (0, 9),
-                xycoords=("axes fraction", "data"),
-                textcoords="offset points",
-                color=look.text,
-                weight=bold,
-                fontsize=10,
-                va="bottom",
-            )
-        else:
-            for text, x, side in ((look.label, -0.012, "right"), (note, 1.02, "left")):
-                axes.annotate(
-                    text,
-                    (x, i),
-                    xycoords=("axes fraction", "data"),
-                    ha=side,
-                    va="center",
-                    color=look.text,
-                    weight=bold,
-                )
+            words, at, offset = f"{look.label}   {seconds(row.travel_time)}   {share}", 0.0, (0, 9)
+            _write(axes, words, (at, i), offset, look.text, bold, ha="left", va="bottom", fontsize=10)
+            continue
+        for words, at, offset, side in (
+            (look.label, 0.0, (-14, 0), "right"),
+            (seconds(row.travel_time), 1.0, (76, 0), "right"),
+            (share, 1.0, (152, 0), "right"),
+        ):
+            _write(axes, words, (at, i), offset, look.text, bold, ha=side, va="center", fontsize=11)
     if reference is not None:
         axes.axvline(
             reference,
@@ -101,3 +91,25 @@ def _draw(data: BracketData, described: dict[str, str], *, narrow: bool):  # typ
     axes.locator_params(axis="x", nbins=4 if narrow else 8)
     axes.xaxis.get_major_formatter().set_useOffset(False)  # type: ignore[attr-defined]
     return to_svg(figure, **described)
+
+
+def _write(
+    axes: Axes,
+    text: str,
+    at: tuple[float, int],
+    offset: tuple[float, float],
+    colour: str,
+    weight: str,
+    **place: Any,
+) -> None:
+    """Text beside a row: `at` in shares of the width and rows, `offset` in pixels."""
+    axes.annotate(
+        text,
+        at,
+        offset,
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        color=colour,
+        weight=weight,
+        **place,
+    )

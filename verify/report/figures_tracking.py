@@ -35,13 +35,11 @@ def draw_tracking(data: TrackingData) -> Sequence[Picture]:
     errors = tracking(data.plan, data.run)
     with drawing_style():
         return [
+            _overlay(data, errors),
             _error(
                 "track-lateral", "Lateral error over time", errors.t, errors.lateral, "left of the plan", "mm"
             ),
-            _error(
-                "track-along", "Lead or lag along the plan", errors.t, errors.along, "ahead of the plan", "mm"
-            ),
-            _overlay(data, errors),
+            _speeds(data),
             _error(
                 "track-speed",
                 "Speed error over time",
@@ -49,6 +47,9 @@ def draw_tracking(data: TrackingData) -> Sequence[Picture]:
                 errors.speed_error,
                 "faster than planned",
                 "mm/s",
+            ),
+            _error(
+                "track-along", "Lead or lag along the plan", errors.t, errors.along, "ahead of the plan", "mm"
             ),
         ]
 
@@ -63,7 +64,30 @@ def _error(key: str, title: str, t: np.ndarray, value: np.ndarray, side: str, un
     axes.plot(*thinned(t, scaled, 220), color=look.light, lw=1.5)
     axes.plot(t[worst], scaled[worst], "o", mfc="none", mec=INK.light, ms=9, mew=1.5, clip_on=False)
     axes.set_xlim(0.0, t[-1])
-    axes.margins(y=0.15)
+    reach = max(1.25 * float(np.max(np.abs(scaled))), 0.01)  # a hundredth of a millimetre is nothing
+    axes.set_ylim(-reach, reach)
+    svg = to_svg(figure, key=key, title=title, description=spoken)
+    return Picture(key=key, title=title, description=spoken, svg=svg, heading=title, caption=spoken)
+
+
+def _speeds(data: TrackingData) -> Picture:
+    key, title = "track-speeds", "Speed, planned and simulated"
+    spoken = (
+        f"The plan ends after {data.plan.t[-1]:.3f} s, the record of the run after {data.run.t[-1]:.3f} s."
+    )
+    figure, axes = new_axes(PANEL, 220, x="time [s]", y="speed [m/s]")
+    look, planned = method("simulation"), method(data.method)
+    axes.plot(*thinned(data.plan.t, data.plan.v, 220), color=planned.light, lw=2.6)
+    axes.plot(
+        *thinned(data.run.t, data.run.v, 220), color=look.light, lw=1.3, ls=look.dash, dash_capstyle="butt"
+    )
+    axes.set_xlim(0.0, max(data.plan.t[-1], data.run.t[-1]))
+    axes.set_ylim(0.0, 1.25 * max(float(data.plan.v.max()), float(data.run.v.max())))
+    curves = [
+        Curve(x=data.plan.t, y=data.plan.v, text="plan", colour=planned.text),
+        Curve(x=data.run.t, y=data.run.v, text="simulated", colour=look.text),
+    ]
+    label_curves(axes, curves)
     svg = to_svg(figure, key=key, title=title, description=spoken)
     return Picture(key=key, title=title, description=spoken, svg=svg, heading=title, caption=spoken)
 

@@ -61,7 +61,7 @@ _KEPT = "\n\t"
 
 
 def visible(text: str) -> str:
-    """Text line by line, with control and direction characters spelt out, so that what one reads is what it says."""
+    """Text line by line, with control and direction characters spelt out: what one reads is what it says."""
     lines = re.sub(r"\r\n?", "\n", text)
     return "".join(
         f"⟨U+{ord(c):04X}⟩"

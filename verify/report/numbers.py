@@ -44,6 +44,18 @@ def significant(value: float | None, digits: int = 3) -> str:
     return _minus(mantissa) + "\u00a0×\u00a0" + power_of_ten(power)
 
 
+def exact(value: float | None) -> str:
+    """A chosen number, such as a limit, with no more digits than it was given: 0.05, 10⁻⁶."""
+    if value is None or not math.isfinite(value):
+        return DASH
+    text = f"{value:.6g}"
+    if "e" not in text:
+        return _minus(text)
+    mantissa, exponent = text.split("e")
+    power = power_of_ten(int(exponent))
+    return power if mantissa == "1" else f"{_minus(mantissa)}{SPACE}×{SPACE}{power}"
+
+
 def seconds(value: float | None) -> str:
     """Travel times: milliseconds matter."""
     return DASH if value is None else _minus(f"{value:.3f}") + SPACE + "s"

@@ -81,6 +81,7 @@ def write_report(
         verdict=story.verdict(result),
         verdict_meaning=VERDICTS.get(story.verdict(result), ("", ""))[1],
         headline=story.headline(result),
+        verdict_reasons=story.reasons(result),
         standing=story.standing(result),
         answer=story.answer(result, rest_ends=rest),
         gate_summary=story.gate_summary(result),
@@ -105,7 +106,6 @@ def write_report(
                         motion=motion,
                         plan=plan,
                         over=over,
-                        simulation=evidence.simulation,
                         variational=evidence.plans.get("collocation"),
                     )
                 )

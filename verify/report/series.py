@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -28,9 +29,9 @@ def thinned(x: Array, y: Array, buckets: int = BUCKETS) -> tuple[Array, Array]:
         return x, y
     edges = np.unique(np.linspace(0, n, buckets + 1).astype(np.int64))
     kept = {0, n - 1}
-    for start, end in zip(edges[:-1], edges[1:], strict=True):
+    for start, end in pairwise(edges.tolist()):
         part = y[start:end]
-        kept.update((int(start), int(end) - 1, int(start + part.argmin()), int(start + part.argmax())))
+        kept.update((start, end - 1, start + int(part.argmin()), start + int(part.argmax())))
     index = np.array(sorted(kept))
     return x[index], y[index]
 
@@ -46,9 +47,10 @@ def thinned_path(x: Array, y: Array, size: float) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class RowEnds:
-    """Both ends of every row of a trajectory: within a row everything limited is extreme at one of them.
+    """Both ends of every row of a trajectory: what is limited is extreme there.
 
-    Curvature and tangential acceleration are constant within a row and jump between rows. Shapes (2 (m - 1),).
+    Curvature and tangential acceleration are constant within a row and jump between rows.
+    Shapes (2 (m - 1),).
     """
 
     t: Array  # [s]
@@ -64,6 +66,17 @@ class RowEnds:
     def lateral(self) -> Array:
         """v^2 kappa [m/s^2], left turns positive."""
         return self.v * self.v * self.curvature
+
+
+def in_steps(motion: Trajectory, steps: int) -> tuple[Array, Array, Array, Array]:
+    """t [s], s [m], v [m/s] and clearance [m] at `steps` equal times within each row: v(s) is curved there.
+
+    Exact but for the clearance, which is linear between rows here.
+    """
+    part = np.arange(steps) / steps
+    t = np.append((motion.t[:-1, None] + np.diff(motion.t)[:, None] * part).ravel(), motion.t[-1])
+    clearance = np.interp(t, motion.t, motion.clearance)
+    return t, distance_at(motion, t), np.interp(t, motion.t, motion.v), clearance
 
 
 def row_ends(motion: Trajectory) -> RowEnds:
@@ -108,7 +121,7 @@ class Margin:
 
 
 def margins(motion: Trajectory, problem: Problem) -> tuple[Margin, ...]:
-    """Margins of all limits that this robot has (Manor 2015, eqs. (3.13), (A.1) to (A.3)), for drawing only."""
+    """Margins of all limits of this robot (Manor 2015, eqs. (3.13), (A.1) to (A.3)), to draw only."""
     rows, robot, braking = row_ends(motion), problem.robot, problem.braking
     lateral = np.abs(rows.lateral)
     acceleration = "m/s²"
@@ -177,6 +190,13 @@ def mesh_of(motion: Trajectory) -> Mesh:
     return Mesh(s[index], motion.x[index], motion.y[index])
 
 
+def distance_at(motion: Trajectory, t: Array) -> Array:
+    """Path length [m] covered at times `t` [s] within the motion; exact."""
+    i = np.clip(np.searchsorted(motion.t, t, side="right") - 1, 0, len(motion.t) - 2)
+    dt = t - motion.t[i]
+    return motion.arc_length[i] + (motion.v[i] + 0.5 * motion.a[i] * dt) * dt
+
+
 @dataclass(frozen=True)
 class Tracking:
     """The simulated run against the plan, at the times of the run. Shapes (m,)."""
@@ -195,7 +215,8 @@ def tracking(plan: Trajectory, run: SimulatedRun) -> Tracking:
     lasting = np.concatenate([[True], np.diff(plan.arc_length) > 0.0])
     s, x, y = plan.arc_length[lasting], plan.x[lasting], plan.y[lasting]
     heading = np.unwrap(plan.heading[lasting])
-    target = np.interp(np.clip(run.t, plan.t[0], plan.t[-1]), plan.t, plan.arc_length)
+    clock = np.clip(run.t, plan.t[0], plan.t[-1])
+    target = distance_at(plan, clock)
     along = target.copy()
     for _ in range(4):  # Newton steps of the projection on a curve of small bend
         h = np.interp(along, s, heading)
@@ -203,5 +224,5 @@ def tracking(plan: Trajectory, run: SimulatedRun) -> Tracking:
         along = np.clip(along + step, s[0], s[-1])
     h, px, py = np.interp(along, s, heading), np.interp(along, s, x), np.interp(along, s, y)
     lateral = (run.y - py) * np.cos(h) - (run.x - px) * np.sin(h)
-    planned = np.interp(np.clip(run.t, plan.t[0], plan.t[-1]), plan.t, plan.v)
+    planned = np.interp(clock, plan.t, plan.v)
     return Tracking(run.t, lateral, along - target, run.v - planned, px, py, h)

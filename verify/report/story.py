@@ -1,4 +1,4 @@
-"""From `result.json` to sentences and table rows. Every verdict figure comes from the result, none is computed here."""
+"""From `result.json` to sentences and table rows: every figure of the verdict comes from the result."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from verify.report.numbers import (
     DASH,
     count,
     duration,
+    exact,
     metres,
     number_in,
     percent,
@@ -19,13 +20,22 @@ from verify.report.numbers import (
     with_unit,
 )
 from verify.report.palette import METHODS, Method, method
-from verify.report.wording import CHECKS, GAPS, GATES, VERDICTS, GateWords
+from verify.report.wording import CHECKS, GAPS, GATES, LIMITS, VERDICTS, GateWords
 
 Result = Mapping[str, Any]
 
 PASSED, FAILED, NOT_EVALUATED = "passed", "failed", "not evaluated"
-MARKS = {PASSED: "✓", FAILED: "✗", NOT_EVALUATED: "–"}
-_ORDER = {FAILED: 0, NOT_EVALUATED: 1, PASSED: 2}
+NOT_PROMISED = "not promised"  # failed, but by a plan whose model does not know this limit
+MARKS = {PASSED: "✓", FAILED: "✗", NOT_EVALUATED: "–", NOT_PROMISED: "○"}
+_ORDER = {FAILED: 0, NOT_EVALUATED: 1, NOT_PROMISED: 2, PASSED: 3}
+PROMISES = (
+    "boundary",
+    "start",
+    "goal",
+    "clearance",
+    "braking_distance",
+    "travel_time",
+)  # of the variational model
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,13 +112,20 @@ def verdict(result: Result) -> str:
     return found if isinstance(found, str) and found in VERDICTS else "unknown"
 
 
+def reasons(result: Result) -> list[str]:
+    """Why the verdict is no better, as the judge put it."""
+    found = result.get("reasons")
+    return [words(reason) for reason in found] if isinstance(found, list | tuple) else []
+
+
 def gate_rows(result: Result) -> list[GateRow]:
     """Gates, failing first, then those not evaluated."""
     rows = []
     for gate in entries(result, "gates"):
         name = words(gate.get("name"))
         look = GATES.get(name) or GateWords(name.replace("_", " ").capitalize(), "", "1")
-        status = {True: PASSED, False: FAILED}.get(gate.get("passed"), NOT_EVALUATED)  # type: ignore[arg-type]
+        passed = gate.get("passed")
+        status = PASSED if passed is True else FAILED if passed is False else NOT_EVALUATED
         limit = number_in(gate, "limit")
         sign = "≥" if look.at_least else "≤"
         rows.append(
@@ -117,12 +134,18 @@ def gate_rows(result: Result) -> list[GateRow]:
                 title=look.title,
                 meaning=look.meaning,
                 value=_gate_figure(number_in(gate, "value"), look.unit),
-                limit=DASH if limit is None else f"{sign}\u00a0{_gate_figure(limit, look.unit)}",
+                limit=DASH if limit is None else f"{sign}\u00a0{_limit_figure(limit, look.unit)}",
                 status=status,
-                reason=words(gate.get("reason")),
+                reason=words(gate.get("reason")).removeprefix("not evaluated: "),
             )
         )
     return sorted(rows, key=lambda row: _ORDER[row.status])
+
+
+def _limit_figure(value: float, unit: str) -> str:
+    if unit == "%":
+        return exact(round(100.0 * value, 9)) + "\u00a0%"
+    return exact(value) if unit in ("1", "") else f"{exact(value)}\u00a0{unit}"
 
 
 def _gate_figure(value: float | None, unit: str) -> str:
@@ -130,28 +153,31 @@ def _gate_figure(value: float | None, unit: str) -> str:
         return percent(value)
     if unit == "stops":
         return count(value)
-    if unit == "m" and value == 0.0:
-        return "0\u00a0m"
+    if unit == "1":
+        return significant(value, 2)
     return with_unit(value, unit)
 
 
 def check_rows(result: Result) -> list[CheckRow]:
-    """Checks, failing first, then those not evaluated."""
-    rows = []
-    for check in entries(result, "checks"):
-        name, status = words(check.get("name")), words(check.get("status"))
-        rows.append(
-            CheckRow(
-                name=name,
-                title=CHECKS.get(name, name.replace("_", " ")),
-                trajectory=words(check.get("trajectory")),
-                status=status if status in (PASSED, FAILED) else NOT_EVALUATED,
-                worst=with_unit(number_in(check, "worst"), words(check.get("unit"))),
-                where=_where(check.get("at")),
-                message=words(check.get("message")),
-            )
-        )
+    """Checks: failing first, then not evaluated, then those that a plan's model does not promise to pass."""
+    rows = [_check_row(check, words(check.get("status"))) for check in entries(result, "checks")]
+    for plan in mapping(result, "plans").values():
+        if isinstance(plan, Mapping):
+            rows += [_check_row(check, NOT_PROMISED) for check in entries(plan, "unpromised")]
     return sorted(rows, key=lambda row: _ORDER[row.status])
+
+
+def _check_row(check: Mapping[str, Any], status: str) -> CheckRow:
+    name = words(check.get("name"))
+    return CheckRow(
+        name=name,
+        title=CHECKS.get(name, name.replace("_", " ")),
+        trajectory=words(check.get("trajectory")),
+        status=status if status in (PASSED, FAILED, NOT_PROMISED) else NOT_EVALUATED,
+        worst=with_unit(number_in(check, "worst"), words(check.get("unit"))),
+        where=_where(check.get("at")),
+        message=words(check.get("message")).removesuffix(" (not promised by the variational model)"),
+    )
 
 
 def _where(at: Any) -> str:
@@ -165,7 +191,7 @@ def _where(at: Any) -> str:
 def executed_plan(result: Result) -> str:
     """The plan whose motion is executed, "" if there is none."""
     plans = mapping(result, "plans")
-    best = ("refined", "collocation", "speed_graph", "voronoi_route")
+    best = (words(result.get("executed")), "refined", "collocation", "speed_graph", "voronoi_route")
     return next((name for name in best if number_in(plans, name, "travel_time") is not None), "")
 
 
@@ -199,7 +225,7 @@ def time_rows(result: Result) -> list[TimeRow]:
         rows.append(
             TimeRow(
                 look=method(name),
-                model=words(facts.get("model")) if name != "simulation" else "vehicle in Drake",
+                model=words(facts.get("model")).replace("_", " ") or DASH,
                 travel_time=seconds(time),
                 above="reference"
                 if name == reference_plan(result)
@@ -253,10 +279,17 @@ def key_figures(result: Result, evidence: Evidence) -> list[KeyFigure]:
 def headline(result: Result) -> str:
     """Verdict in a few words, with what fails."""
     title = VERDICTS[verdict(result)][0] if verdict(result) in VERDICTS else "No verdict"
-    failing = [row for row in gate_rows(result) if row.status == FAILED]
+    rows = gate_rows(result)
+    failing = sum(row.status == FAILED for row in rows)
     if failing:
-        title += f", but {len(failing)} gate{'s' * (len(failing) > 1)} fail{'s' * (len(failing) == 1)}"
-    return title if verdict(result) != "failed" else title.replace(", but", ":")
+        joint = ":" if verdict(result) == "failed" else ", but"
+        return f"{title}{joint} {failing} gate{'s' * (failing > 1)} fail{'s' * (failing == 1)}"
+    evaluated = sum(row.status != NOT_EVALUATED for row in rows)
+    if evaluated and verdict(result) in ("certified", "refined"):
+        return f"{title}: " + (
+            "the one evaluated gate holds" if evaluated == 1 else f"all {evaluated} evaluated gates hold"
+        )
+    return title
 
 
 def standing(result: Result) -> str:
@@ -282,6 +315,12 @@ def answer(result: Result, *, rest_ends: bool) -> list[str]:
             "equal to" if abs(ratio) < 5e-7 else f"{percent(abs(ratio))} {'above' if ratio > 0 else 'below'}"
         )
         sentences.append(f"That is {near} the variational optimum of {seconds(optimum)}{ends}.")
+    cost, gap = number_in(result, "end_cost"), number_in(result, "gaps", "refinement")
+    if cost is not None and cost > 0.0 and gap is not None:
+        sentences.append(
+            f"Starting and ending as asked costs at least {seconds(cost)}; "
+            f"the motion is {_compared(gap, 'above', 'below')} the optimum with that cost added."
+        )
     bound = times.get("lower_bound")
     if bound is not None:
         gap = number_in(result, "gaps", "certified")
@@ -293,10 +332,17 @@ def answer(result: Result, *, rest_ends: bool) -> list[str]:
     if route is not None and optimum is not None:
         sentences.append(
             f"The fastest route along Voronoi arcs, with exact arc times, takes {seconds(route)}, "
-            f"{percent(route / optimum - 1.0, signed=True)} against that optimum."
+            f"{_compared(route / optimum - 1.0, 'more than', 'less than')} that optimum."
         )
+    broken = _broken_by_variational(result)
+    if broken:
+        sentences.append(f"The variational optimum itself breaks {broken}: the refinement repairs that.")
     sentences += _simulated(result)
     return sentences
+
+
+def _compared(ratio: float, more: str, less: str) -> str:
+    return f"{percent(abs(ratio))} {more if ratio >= 0.0 else less}"
 
 
 def _gets_there(result: Result, plan: str, times: Mapping[str, float]) -> str:
@@ -308,6 +354,14 @@ def _gets_there(result: Result, plan: str, times: Mapping[str, float]) -> str:
         name = method(plan).label.lower().replace("voronoi", "Voronoi")
         return f"No trajectory passed all checks; the {name} would take {seconds(times[plan])}{way}."
     return f"The robot gets there in {seconds(times[plan])}{way}."
+
+
+def _broken_by_variational(result: Result) -> str:
+    rows = (
+        row for row in check_rows(result) if row.trajectory == "collocation" and row.status == NOT_PROMISED
+    )
+    names = [LIMITS.get(row.name, row.name.replace("_", " ")) for row in rows]
+    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 def _simulated(result: Result) -> list[str]:

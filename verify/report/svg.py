@@ -1,7 +1,7 @@
 """Figures as inline SVG: no fonts, no dates, no references, colours as CSS variables.
 
-Letters are drawn as outlines, so a picture looks the same without any font installed and text from files
-never stands in the page as text of the picture. Every `id` carries the figure's key, as one page holds many figures.
+Letters are drawn as outlines, so a picture looks the same without any font installed, and text from files is
+never text of the page. Every `id` carries the figure's key, as one page holds many figures.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib
 from markupsafe import Markup, escape
@@ -19,6 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from verify.report.palette import INK, MUTED, RULE, variable_of_colour
 
@@ -27,7 +29,7 @@ WIDE = 900.0  # [px] natural width of a picture that fills the page
 NARROW = 360.0  # [px] the same on a telephone
 PANEL = 440.0  # [px] one of several pictures side by side
 
-_STYLE = {
+_STYLE: Any = {
     "svg.fonttype": "path",
     "text.parse_math": False,  # names from files may hold dollar signs
     "font.family": ["DejaVu Sans"],  # comes with matplotlib
@@ -69,9 +71,9 @@ def drawing_style() -> Iterator[None]:
 
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure of `width` x `height` CSS pixels that arranges its axes itself."""
-    figure = Figure(figsize=(width / UNITS_PER_INCH, height / UNITS_PER_INCH), layout="constrained")
+    layout = ConstrainedLayoutEngine(w_pad=4 / 72, h_pad=4 / 72, hspace=0.04, wspace=0.04)
+    figure = Figure(figsize=(width / UNITS_PER_INCH, height / UNITS_PER_INCH), layout=layout)
     FigureCanvasSVG(figure)
-    figure.get_layout_engine().set(w_pad=4 / 72, h_pad=4 / 72, hspace=0.04, wspace=0.04)  # type: ignore[union-attr]
     return figure
 
 

@@ -57,7 +57,8 @@ VERDICTS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "certified": (
             "Certified",
-            "The variational optimum satisfies every limit of the full robot, and its certified gap is within the gate.",
+            "The variational optimum satisfies every limit of the full robot, "
+            "and its certified gap is within the gate.",
         ),
         "refined": ("Refined", "The motion is the collocation of the full robot, and it passed all checks."),
         "failed": ("Failed", "No trajectory passed all checks."),
@@ -82,16 +83,30 @@ CHECKS: Mapping[str, str] = MappingProxyType(
     }
 )
 
+LIMITS: Mapping[str, str] = MappingProxyType(
+    {
+        "start": "the speed or heading asked at the start",
+        "goal": "the speed or heading asked at the goal",
+        "friction_circle": "the friction circle",
+        "tip_over": "the tip-over limit",
+        "steering": "the steering limit",
+        "drive": "the drive and brake limits",
+        "speed": "the speed limits",
+    }
+)
+
 GLOSSARY: tuple[tuple[str, str, str], ...] = (
     ("Clearance d", "Distance from the robot's disc to the nearest obstacle or wall.", f"{THESIS}, Ch. 2"),
     (
         "Braking limit V(d)",
-        "Greatest speed from which the robot stops within its clearance: √(2 a_b d) without reaction time and margin.",
+        "Greatest speed from which the robot stops within its clearance: √(2 a_b d) "
+        "without reaction time and margin.",
         f"{THESIS}, eq. (3.13); reaction time and margin as in safety-scanner practice",
     ),
     (
         "Variational model",
-        "The braking limit alone: no limit on turning, drive or steering. Every further limit can only raise its optimum.",
+        "The braking limit alone: no limit on turning, drive or steering. "
+        "Every further limit can only raise its optimum.",
         f"{THESIS}, Ch. 3",
     ),
     (
@@ -118,7 +133,7 @@ GLOSSARY: tuple[tuple[str, str, str], ...] = (
     ),
     (
         "Safe end",
-        "The robot may start or end at any speed up to the braking limit there; a rest end demands speed zero.",
+        "The robot may start or end at any speed up to the braking limit there; a rest end demands zero.",
         f"{THESIS}, Ch. 3",
     ),
     (
@@ -128,7 +143,7 @@ GLOSSARY: tuple[tuple[str, str, str], ...] = (
     ),
     (
         "Worst violation",
-        "Greatest breach of a limit divided by the limit, bounded between the rows of the trajectory as well.",
+        "Greatest breach of a limit divided by the limit, bounded between rows of the trajectory as well.",
         "Derived: distance is 1-Lipschitz and semiconcave along an arc",
     ),
 )
