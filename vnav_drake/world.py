@@ -125,7 +125,7 @@ class World:
         start, end = self._ends
         lines = shapely.linestrings(np.stack([start, end], axis=1))
         lines[len(self.edges) :] = shapely.points(start[len(self.edges) :])
-        return shapely.STRtree(lines)
+        return shapely.STRtree(lines, node_capacity=4)  # nearest queries: twice as fast as with 10
 
     def is_floor(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether points (..., 2) [m] lie strictly inside the boundary and outside all polygons."""
