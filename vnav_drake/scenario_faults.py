@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 from vnav_drake.scenario_file import Document, Fault, KeyPath, show_value
 from vnav_drake.scenario_spec import MAX_COORDINATE, ScenarioSpec, scenario_schema
 
-_OWN_TYPES = {"text", "name", "speed", "zone", "methods", "shape"}
+_OWN_TYPES = {"version", "text", "name", "speed", "zone", "methods", "shape"}
 _MANY = 10_000  # faults beyond this are counted, not listed: each takes a kilobyte
 _PLAIN = {
     "finite_number": "must be finite",
@@ -41,8 +41,8 @@ def validate_spec(document: Document) -> tuple[ScenarioSpec | None, list[Fault]]
 def _faults(error: ValidationError, document: Document) -> list[Fault]:
     """One fault for each validation error, except where the file's text itself was already refused."""
     schema = scenario_schema()
-    details = error.errors(include_url=False)
-    return [_fault(one, schema) for one in details if not _covered(one["loc"], document.unread)]
+    details = [one for one in error.errors(include_url=False) if not _follows(one, document)]
+    return [_fault(one, schema) for one in details]
 
 
 def _beginning(data: object) -> object:
@@ -52,8 +52,12 @@ def _beginning(data: object) -> object:
     return [_beginning(value) for value in data[:50]] if isinstance(data, list) else data
 
 
-def _covered(path: KeyPath, unread: frozenset[KeyPath]) -> bool:
-    return any(path[: i + 1] in unread for i in range(len(path)))
+def _follows(detail: ErrorDetails, document: Document) -> bool:
+    """Whether a fault only follows from another: a value that was not read, a list short of its bad items."""
+    path: KeyPath = detail["loc"]
+    if any(path[: i + 1] in document.unread for i in range(len(path))):
+        return True
+    return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
 
 
 def _fault(detail: ErrorDetails, schema: Mapping[str, Any]) -> Fault:
@@ -67,10 +71,10 @@ def _fault(detail: ErrorDetails, schema: Mapping[str, Any]) -> Fault:
         if path and isinstance(path[-1], int):
             return Fault(path[:-1], "must be a pair [x, y] of numbers")
         return Fault(path, _sentence(f"is missing; expected {_kind(rule)}", rule))
-    return Fault(path, _sentence(_expected(detail, path, rule), rule))
+    return Fault(path, _sentence(_expected(detail, rule), rule))
 
 
-def _expected(detail: ErrorDetails, path: KeyPath, rule: Mapping[str, Any]) -> str:
+def _expected(detail: ErrorDetails, rule: Mapping[str, Any]) -> str:
     """What was expected, from the kind of error and its bounds."""
     kind = detail["type"]
     text = _PLAIN.get(kind) or _bound(detail, rule) or _length(detail, rule)
@@ -83,9 +87,7 @@ def _expected(detail: ErrorDetails, path: KeyPath, rule: Mapping[str, Any]) -> s
             "must be text; put it in quotes" if isinstance(detail["input"], int | float) else "must be text"
         )
     if kind == "literal_error":
-        return f"must be {_choices(rule)}" + (
-            ", the only version of this format" if path == ("schema",) else ""
-        )
+        return f"must be {_choices(rule)}"
     if kind in {"tuple_type", "list_type", "model_type", "model_attributes_type", "dict_type"}:
         return f"must be {_kind(rule)}"
     return f"is not valid: {detail['msg']}"

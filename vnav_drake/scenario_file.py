@@ -145,24 +145,24 @@ def read_bytes(path: str | os.PathLike[str]) -> bytes:
         reads more than one byte beyond the limit.
     """
     where = printable(os.fspath(path))
-    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     try:
-        descriptor = os.open(path, flags)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ScenarioError(f"{where}: cannot be read: {reason}") from error
-    with open(descriptor, "rb") as file:
-        status = os.fstat(descriptor)
-        if not stat.S_ISREG(status.st_mode):
-            raise ScenarioError(f"{where}: is not a regular file")
-        size = status.st_size
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
         try:
-            data = file.read(MAX_BYTES + 1) if size <= MAX_BYTES else b""
-        except OSError as error:
-            raise ScenarioError(f"{where}: cannot be read: {error.strerror}") from error
-    if max(size, len(data)) > MAX_BYTES:
-        raise ScenarioError(_too_large(where, max(size, len(data))))
-    return data
+            status = os.fstat(descriptor)
+            if not stat.S_ISREG(status.st_mode):
+                raise ScenarioError(f"{where}: is not a regular file")
+            if status.st_size > MAX_BYTES:
+                raise ScenarioError(_too_large(where, status.st_size))
+            with open(descriptor, "rb", closefd=False) as file:
+                return file.read(MAX_BYTES + 1)  # it may have grown; `read_document` measures again
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        raise ScenarioError(f"{where}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        if isinstance(error, ScenarioError):
+            raise
+        raise ScenarioError(f"{where}: cannot be read: {error}") from error
 
 
 def read_document(data: bytes, where: str | Path) -> Document:

@@ -55,6 +55,12 @@ def _one_line(text: str) -> str:
     return _plain_text(text)
 
 
+def _version(value: Any) -> Any:
+    if type(value) is not int or value != 1:  # True == 1 and 1.0 == 1
+        raise PydanticCustomError("version", "must be 1, the only version of this format")
+    return value
+
+
 def _free_name(name: str) -> str:
     if name in RESERVED_NAMES:
         raise PydanticCustomError("name", "is reserved; expected another name")
@@ -159,7 +165,8 @@ class ObstacleSpec(_Section):
 
     @model_validator(mode="after")
     def _exactly_one_shape(self) -> ObstacleSpec:
-        if bool(self.vertices) == (self.circle is not None):
+        given = self.model_fields_set & {"vertices", "circle"}
+        if len(given) != 1 or not (self.vertices or self.circle):
             raise PydanticCustomError("shape", "must have either vertices or circle, exactly one of them")
         return self
 
@@ -244,7 +251,9 @@ class GatesSpec(_Section):
 class ScenarioSpec(_Section):
     """A scenario file as written."""
 
-    schema_version: Literal[1] = Field(alias="schema", description="Version of this format.")
+    schema_version: Annotated[Literal[1], BeforeValidator(_version)] = Field(
+        alias="schema", description="Version of this format."
+    )
     name: Annotated[str, AfterValidator(_free_name)] = Field(
         pattern="^[a-z0-9_-]+$",
         max_length=64,
