@@ -2,57 +2,83 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal
 
-from vnav_drake.collocation.refine import BUDGETS, refine
-from vnav_drake.collocation.seed import first_mesh
+from vnav_drake.collocation.refine import BUDGETS, Budget, refine
+from vnav_drake.collocation.seed import Seed, first_mesh
 from vnav_drake.collocation.units import unit_braking
 from vnav_drake.plan import Model, Path, Plan
-from vnav_drake.problem import Problem
+from vnav_drake.problem import PlanningError, Problem
 from vnav_drake.speed_profile import fastest_profile
+
+SAME_TIME = 1e-4  # a later seed must gain this share to be preferred: coarse meshes tell no finer
 
 Effort = Literal["quick", "full"]
 Progress = Callable[[str], None]
 
 
 def plan_variational(
-    problem: Problem, seed: Path, *, effort: Effort = "full", progress: Progress | None = None
+    problem: Problem,
+    seeds: Path | Sequence[Seed],
+    *,
+    effort: Effort = "full",
+    progress: Progress | None = None,
 ) -> Plan:
-    """The fastest path under the braking distance and the greatest speed alone, near `seed`.
+    """The fastest path under the braking distance and the greatest speed alone, near the best seed.
 
     Certifies the analytic methods, which solve the same model. End speeds are safe, as in
     Manor 2015, ch. 3. The result is a local optimum; near the optimum of its homotopy class it
     is the global one of that class, as the class has a single optimum.
 
+    Parameters
+    ----------
+    seeds : paths from start to goal, best guess first. Each is tried with one solve of a coarse mesh; the
+        fastest is refined. `details["seeds"]` has a row for each: method, travel time [s],
+        iterations, compute time [s]; no travel time when nothing safe came of it.
+
     Raises
     ------
-    PlanningError : no safe geometry was found from this seed.
+    PlanningError : no safe geometry was found from any seed.
     """
-    return _plan(problem, seed, "collocation", "variational", effort, progress)
+    return _plan(problem, seeds, "collocation", "variational", effort, progress)
 
 
 def plan_full(
-    problem: Problem, seed: Path, *, effort: Effort = "full", progress: Progress | None = None
+    problem: Problem,
+    seeds: Path | Sequence[Seed],
+    *,
+    effort: Effort = "full",
+    progress: Progress | None = None,
 ) -> Plan:
-    """The fastest motion near `seed` within every limit of the robot, end speeds and headings included.
+    """The fastest motion within every limit of the robot, end speeds and headings included.
+
+    Parameters and details as for `plan_variational`, whose path is the best first seed.
 
     Raises
     ------
-    PlanningError : no motion was found from this seed that satisfies every limit.
+    PlanningError : no motion was found from any seed that satisfies every limit.
     """
-    return _plan(problem, seed, "refined", "full", effort, progress)
+    return _plan(problem, seeds, "refined", "full", effort, progress)
 
 
 def _plan(
-    problem: Problem, seed: Path, method: str, model: Model, effort: Effort, progress: Progress | None
+    problem: Problem,
+    seeds: Path | Sequence[Seed],
+    method: str,
+    model: Model,
+    effort: Effort,
+    progress: Progress | None,
 ) -> Plan:
     begun = time.perf_counter()
+    tries = [Seed(seeds)] if isinstance(seeds, Path) else list(seeds)
     budget = BUDGETS[effort]
     scaled, unit = unit_braking(problem)
+    guess, rows = _fastest(scaled, tries, model, budget.scout, unit)
     report = None if progress is None else _in_seconds(progress, unit)
-    result = refine(scaled, first_mesh(scaled, seed, budget.intervals), model, budget, report)
+    result = refine(scaled, first_mesh(scaled, guess, budget.intervals), model, budget, report)
     trajectory = fastest_profile(problem, result.path, model=model)
     details = {
         "solver": "SNOPT",
@@ -61,8 +87,38 @@ def _plan(
         "iterations": sum(entry.iterations for entry in result.rounds),
         "compute_time": time.perf_counter() - begun,
         "history": [entry.in_seconds(unit) for entry in result.rounds],
+        "seeds": rows,
     }
     return Plan(method=method, model=model, trajectory=trajectory, path=result.path, details=details)
+
+
+def _fastest(
+    problem: Problem, seeds: Sequence[Seed], model: Model, budget: Budget, unit: float
+) -> tuple[Path, list[dict[str, object]]]:
+    """The path of the seed that leads to the shortest time on a coarse mesh, and a row for each seed.
+
+    A lone seed needs no trial and has no row.
+    """
+    best, least = seeds[0].path, math.inf
+    rows: list[dict[str, object]] = []
+    for seed in seeds if len(seeds) > 1 else ():
+        begun = time.perf_counter()
+        row: dict[str, object] = {"method": seed.method}
+        if seed.travel_time is not None and seed.travel_time > least * unit * (1.0 + SAME_TIME):
+            rows.append(row | {"message": "not tried: slower already in the variational model"})
+            continue
+        try:
+            result = refine(problem, first_mesh(problem, seed.path, budget.intervals), model, budget)
+        except PlanningError as error:
+            row["message"] = str(error)
+        else:
+            travel_time = result.trajectory.travel_time
+            row["travel_time"] = travel_time * unit
+            row["iterations"] = sum(entry.iterations for entry in result.rounds)
+            if travel_time < least * (1.0 - SAME_TIME):
+                best, least = result.path, travel_time
+        rows.append(row | {"compute_time": time.perf_counter() - begun})
+    return best, rows
 
 
 def _in_seconds(progress: Progress, unit: float) -> Callable[[int, float], None]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,13 @@ class Budget:
     rounds: int
     gain: float  # relative improvement of the travel time below which refinement ends
 
+    @property
+    def scout(self) -> Budget:
+        """What a seed gets to show what it is worth: one solve, two when the first fails."""
+        return replace(self, most_intervals=2 * self.intervals, rounds=2, gain=SCOUT_GAIN)
 
+
+SCOUT_GAIN = 2.0  # no gain reaches it, so that the first safe geometry ends the search
 BUDGETS = {
     "quick": Budget(intervals=60, most_intervals=160, rounds=4, gain=2e-5),
     "full": Budget(intervals=80, most_intervals=400, rounds=8, gain=2e-6),

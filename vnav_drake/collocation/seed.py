@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -20,6 +21,15 @@ SAMPLES = 72  # of the seed, between which straight legs may cut corners
 LEG_POINTS = 24  # midpoints at which a leg's travel time is summed
 MOST_PIECES = 400  # a smooth seed with no more arcs than this is its own mesh
 SEED_SPEED = 0.95  # of the safe speed: strictly inside the limits
+
+
+@dataclass(frozen=True)
+class Seed:
+    """A path from start to goal to begin with, and the method it is from."""
+
+    path: Path
+    method: str = "given"
+    travel_time: float | None = None  # [s], of what it leads to in the variational model, where known
 
 
 def first_mesh(problem: Problem, seed: Path, intervals: int) -> Mesh:
