@@ -339,3 +339,11 @@ def test_world_of_2000_vertices_agrees_with_brute_force():
     foot = start + np.clip(part, 0.0, 1.0)[..., None] * along
     gap = np.hypot(*np.moveaxis(points[:, None] - foot, -1, 0)).min(axis=1)
     assert np.abs(world.distance(points)) == pytest.approx(gap, abs=1e-12)
+
+
+def test_obstacle_that_stands_free_keeps_the_floor_around_it():
+    # One rack touches the wall, the other stands free; 20 x 20 m less 1 x 2 m less 10 x 5 m.
+    rack, shelf = [(4, 12), (14, 12), (14, 17), (4, 17)], [(0, 4), (1, 4), (1, 6), (0, 6)]
+    hall = [(0, 0), (20, 0), (20, 20), (0, 20)]
+    world = World.build(hall, [Obstacle(tuple(shelf)), Obstacle(tuple(rack))])
+    assert world.floor.area == pytest.approx(400 - 2 - 50, rel=1e-12)

@@ -243,7 +243,8 @@ def _arrange(
     faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
     spots = shapely.point_on_surface(faces)
     within = np.zeros(len(faces), dtype=bool)
-    within[shapely.STRtree(solid).query(spots, predicate="within")[0]] = True
+    cut = [p for p, t in zip(solid, touching[1:], strict=False) if t]  # others lie within a face, not over it
+    within[shapely.STRtree(cut).query(spots, predicate="within")[0]] = True
     within |= shapely.area(faces) < SNAP * shapely.length(faces)  # a gap that the grid cannot show
     united = shapely.union_all(faces[within])
     if touching[0]:
