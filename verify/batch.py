@@ -38,8 +38,6 @@ def run_files(options: argparse.Namespace) -> int:
             code, suite = _run_one(scenario, options, progress)
             worst = max(worst, code)
             suites.append(suite)
-    if any(suite.judgement is not None for suite in suites):
-        _write_index(options.out)
     if options.junit is not None:
         replace_file(options.junit.absolute(), lambda aside: write_junit(aside, suites))
     return worst
@@ -69,6 +67,7 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, progress: Progress
     name = scenario.name
     try:
         outcome = run_scenario(scenario, options.out, overrides=dict(options.gate), say=progress.say)
+        _write_index(options.out)
     except (ScenarioError, OutputError) as error:
         with progress.paused():
             print(error, file=sys.stderr)

@@ -11,9 +11,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from systems.simulation import SimulationError, SimulationRun, simulate
+from systems import SimulationError, SimulationRun, simulate
 from verify import evidence
 from verify.atomic import ResultFolder
+from verify.interruption import Interruption
 from verify.judge import Judgement, judge
 from verify.report import ReportExtras, write_report
 from verify.versions import versions
@@ -86,8 +87,8 @@ def run_scenario(
     OutputError : the folder holds something that is not a result.
     OSError : a file could not be written; an earlier result is untouched.
     """
-    with ResultFolder(out, scenario.name) as folder:
-        done = _run_stages(scenario, say)
+    with Interruption() as interruption, ResultFolder(out, scenario.name) as folder:
+        done = _run_stages(scenario, say, interruption)
         say(f"{scenario.name}: judging")
         _write_evidence(folder.work, scenario, done)
         begun = time.perf_counter()
@@ -132,7 +133,7 @@ def _trajectory_path(motion: Trajectory) -> Path:
     )
 
 
-def _run_stages(scenario: Scenario, say: Say) -> _Progress:
+def _run_stages(scenario: Scenario, say: Say, interruption: Interruption) -> _Progress:
     """Each stage from what came before; what cannot finish is noted, and what does not need it goes on."""
     problem, effort = scenario.problem, scenario.plan.effort
     done = _Progress()
@@ -145,6 +146,7 @@ def _run_stages(scenario: Scenario, say: Say) -> _Progress:
         except NoPathError as error:
             raise scenario.error("goal.position", str(error)) from error
         except (PlanningError, SimulationError) as error:
+            interruption.check()
             done.missing.append(Missing(stage=name, reason=str(error)))
             return None
         finally:
