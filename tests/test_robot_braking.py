@@ -165,3 +165,35 @@ def test_one_call_answers_arrays_of_any_shape():
         table = function(clearance)
         assert table.shape == (3, 4)
         assert table[1, 2] == function(clearance[1, 2])
+
+
+@pytest.mark.parametrize(
+    ("name", "bad"),
+    [
+        *[
+            (name, 0.0)
+            for name in ("mass", "wheelbase", "track", "friction", "max_braking", "max_acceleration")
+        ],
+        *[(name, 0.0) for name in ("max_speed", "max_steering", "max_steering_rate")],
+        *[(name, -0.1) for name in ("radius", "com_height", "mass", "max_speed")],
+        *[(name, math.nan) for name in ("radius", "mass", "max_speed", "max_steering", "max_steering_rate")],
+        *[(name, math.inf) for name in ("radius", "friction", "max_braking", "com_height")],
+        ("max_steering", 0.5 * math.pi),
+    ],
+)
+def test_robots_that_cannot_be_are_refused(name: str, bad: float):
+    with pytest.raises(ValueError, match=f"^{name} = "):
+        Robot(**{"radius": 0.4, name: bad})
+
+
+@pytest.mark.parametrize(
+    ("name", "bad"),
+    [
+        *[("max_braking", bad) for bad in (0.0, -1.0, math.nan, math.inf)],
+        *[(name, bad) for name in ("reaction_time", "margin") for bad in (-0.1, math.nan, math.inf)],
+        *[("max_speed", bad) for bad in (0.0, math.nan)],
+    ],
+)
+def test_braking_laws_that_cannot_be_are_refused(name: str, bad: float):
+    with pytest.raises(ValueError, match=f"^{name} = "):
+        UniformBraking(**{"max_braking": 1.0, name: bad})

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class UniformBraking:
-    """The same braking distance in every direction."""
+    """The same braking distance in every direction. Raises ValueError when a number is out of its range."""
 
     max_braking: float  # a_b [m/s^2], positive
     reaction_time: float = 0.0  # t_r [s]
@@ -25,6 +25,15 @@ class UniformBraking:
     max_speed: float = math.inf  # v_max [m/s]
 
     isotropic = True
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.max_braking < math.inf:
+            raise ValueError(f"max_braking = {self.max_braking!r}: must be positive and finite [m/s^2]")
+        for name in ("reaction_time", "margin"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} = {getattr(self, name)!r}: must be zero or more and finite")
+        if not self.max_speed > 0.0:
+            raise ValueError(f"max_speed = {self.max_speed!r}: must be positive [m/s]")
 
     def distance(self, speed: ArrayLike) -> Array:
         """Clearance [m] that a robot at `speed` [m/s] needs; same shape."""

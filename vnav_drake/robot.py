@@ -13,7 +13,8 @@ GRAVITY = 9.81  # [m/s^2]
 class Robot:
     """A disc-shaped four-wheeled robot (Manor 2015, Lemma A.1).
 
-    A radius of zero is a point robot: the idealisation of the source's first chapters.
+    A radius of zero is a point robot: the idealisation of the source's first chapters. Raises
+    ValueError when a number is out of its range.
     """
 
     radius: float  # [m], of the disc that contains the body
@@ -27,6 +28,29 @@ class Robot:
     max_speed: float = math.inf  # [m/s]
     max_steering: float = 0.6  # omega_max [rad], of the mean front wheel
     max_steering_rate: float = math.inf  # [rad/s]
+
+    def __post_init__(self) -> None:
+        positive = (
+            "mass",
+            "wheelbase",
+            "track",
+            "friction",
+            "max_braking",
+            "max_acceleration",
+            "max_steering",
+        )
+        for name in ("radius", "com_height", *positive, "max_speed", "max_steering_rate"):
+            number = getattr(self, name)
+            may_be_zero = name in ("radius", "com_height")
+            may_be_infinite = name in ("max_speed", "max_steering_rate")
+            in_range = number >= 0.0 if may_be_zero else number > 0.0
+            if not in_range or (math.isinf(number) and not may_be_infinite):
+                rule = "zero or more" if may_be_zero else "positive"
+                raise ValueError(
+                    f"{name} = {number!r}: must be {rule}{'' if may_be_infinite else ' and finite'}"
+                )
+        if self.max_steering >= 0.5 * math.pi:
+            raise ValueError(f"max_steering = {self.max_steering!r}: must be below pi/2 [rad]")
 
     @cached_property
     def friction_acceleration(self) -> float:
