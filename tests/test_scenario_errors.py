@@ -178,7 +178,7 @@ MALFORMED = [
         "goal.position = [0.3, 18]",
         "clearance -0.1 m to the boundary",
     ),
-    Bad("margin: 0.0", "margin: 1.6", "start.position = [18.0, 2.0]", "margin 1.6 m", "[18.0, 2.0]"),
+    Bad("margin: 0.0", "margin: 1.6", "start.position = [18.0, 2.0]", "braking margin 1.6 m", "[18.0, 2.0]"),
     Bad(
         "position: [2.0, 18.0]",
         "position: [18.0, 2.0]",

@@ -226,22 +226,23 @@ def _circle(hall: shapely.Polygon, circle: CircleSpec, name: str) -> Obstacle:
 
 def end_faults(spec: ScenarioSpec, world: World, braking: UniformBraking) -> list[Fault]:
     """Faults of start and goal: no floor, no clearance, a speed that cannot be braked, the same place."""
-    faults = []
-    for name in ("start", "goal"):
-        faults += _end_faults(name, spec, world, braking)
-    gap = math.dist(spec.start.position, spec.goal.position)
-    if gap < SMALLEST_DETAIL:
+    outlines = _outlines(world)
+    faults = [
+        fault for name in ("start", "goal") for fault in _end_faults(name, spec, world, outlines, braking)
+    ]
+    if math.dist(spec.start.position, spec.goal.position) < SMALLEST_DETAIL:
         faults.append(Fault(("goal", "position"), "is the start's position; expected another place"))
     return faults
 
 
-def _end_faults(name: str, spec: ScenarioSpec, world: World, braking: UniformBraking) -> list[Fault]:
+def _end_faults(
+    name: str, spec: ScenarioSpec, world: World, outlines: Shapes, braking: UniformBraking
+) -> list[Fault]:
     end = spec.start if name == "start" else spec.goal
     place: KeyPath = (name, "position")
     point, radius = shapely.Point(end.position), spec.robot.radius
     if not world.boundary.contains(point):
         return [Fault(place, "lies outside or on the boundary; expected a point on the floor [m]")]
-    outlines = _outlines(world)
     gaps = shapely.distance(outlines, point)
     nearest = int(np.argmin(gaps))
     what = (
@@ -257,7 +258,8 @@ def _end_faults(name: str, spec: ScenarioSpec, world: World, braking: UniformBra
             Fault(
                 place,
                 f"clearance {clearance:.6g} m to {what} (distance {gaps[nearest]:.6g} m, less the radius "
-                f"{radius:g} m); expected more than the braking margin {braking.margin:g} m",
+                f"{radius:g} m); expected at least {LEAST_CLEARANCE:g} m more than the braking margin "
+                f"{braking.margin:g} m",
             )
         ]
     return _speed_faults(name, spec, clearance, braking)
