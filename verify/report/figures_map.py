@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from verify.report.curves import halo
 from verify.report.palette import ARC, CASING, FLOOR, INK, MUTED, PAPER, RACK, RACK_EDGE, SPEED_MAP, method
 from verify.report.series import thinned_path
-from verify.report.svg import NARROW, WIDE, Picture, drawing_style, label, new_axes, to_svg
+from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_axes, to_svg
+from verify.report.text import label
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
 from vnav_drake.world import World
@@ -30,6 +31,7 @@ Array = NDArray[np.float64]
 
 MOST_NAMES = 60  # more names than that are noise on a map
 COLOURED_PIECES = 320  # pieces of one colour each along the executed path
+LOWEST_UPRIGHT_BAR = 330.0  # [px] height of a map beside which its colour bar can stand
 BAR_STEPS = 64  # shades of the colour bar
 
 
@@ -70,9 +72,9 @@ def draw_map(data: MapData) -> Picture:
 def _draw(data: MapData, described: dict[str, str], *, narrow: bool) -> Markup:
     world = data.problem.world
     width = NARROW if narrow else WIDE
-    figure, axes = new_axes(
-        width, map_height(world, width, bar=not narrow) + (60 if narrow else 0), x="x [m]", y="y [m]"
-    )
+    height = map_height(world, width, bar=not narrow)
+    low = narrow or height < LOWEST_UPRIGHT_BAR  # the colour bar lies below the map
+    figure, axes = new_axes(width, height + (60 if low else 0), x="x [m]", y="y [m]")
     draw_world(axes, world, names=not narrow)
     size = world.diameter
     axes.add_collection(
@@ -91,7 +93,7 @@ def _draw(data: MapData, described: dict[str, str], *, narrow: bool) -> Markup:
         bar = figure.colorbar(
             colours,
             ax=axes,
-            orientation="horizontal" if narrow else "vertical",
+            orientation="horizontal" if low else "vertical",
             shrink=0.9 if narrow else 0.6,
             aspect=28,
             pad=0.02,
@@ -100,6 +102,7 @@ def _draw(data: MapData, described: dict[str, str], *, narrow: bool) -> Markup:
         bar.outline.set_visible(False)
         if bar.solids is not None:
             bar.solids.set_edgecolor("face")
+            bar.solids.set_rasterized(False)
     for name, motion in above:
         _line(axes, name, motion, size, 1.3)
     draw_ends(axes, data.problem, data.executed)

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
-from verify.report.curves import Curve, label_curves
+from verify.report.curves import Curve, halo, label_curves
 from verify.report.palette import INK, LIMIT, MUTED, Dash, method
 from verify.report.series import in_steps, row_ends, thinned
 from verify.report.svg import NARROW, PANEL, WIDE, Picture, drawing_style, new_axes, to_svg
@@ -66,15 +66,18 @@ def _speed(data: SpeedData, described: dict[str, str], width: float, height: flo
     curves = []
 
     def draw(x: Array, y: Array, text: str, colour: str, words: str, dash: Dash, line: float) -> None:
-        shown = np.minimum(y, 2.0 * top)  # limits may be infinite
-        axes.plot(*thinned(x, shown), color=colour, ls=dash, lw=line, dash_capstyle="butt")
-        curves.append(Curve(x=x, y=shown, text=text, colour=words))
+        over = 3 if colour == LIMIT.light else 2  # dashes of a limit stay visible on the motion that meets it
+        axes.plot(*thinned(x, y), color=colour, ls=dash, lw=line, dash_capstyle="butt", zorder=over)
+        curves.append(Curve(x=x, y=y, text=text, colour=words))
 
     draw(fine, limit, "V(d)" if short else "braking limit V(d)", LIMIT.light, LIMIT.light, LIMIT_DASH, 1.4)
     bend = _bend_limit(problem, rows.curvature)
-    if np.any(bend < top):
+    near = bend < top
+    if np.any(near):
+        dots = _distinct(np.column_stack([x[near] / x[-1], bend[near] / top]), 1.0 / 400.0) * [x[-1], top]
+        axes.plot(dots[:, 0], dots[:, 1], "o", color=MUTED.light, ms=2.0, mew=0, zorder=4)
         words = "bends" if short else f"{_bend_name(problem)} √(limit/|κ|)"
-        draw(x, bend, words, MUTED.light, MUTED.light, BEND_DASH, 1.4)
+        curves.append(Curve(x=dots[:, 0], y=dots[:, 1], text=words, colour=MUTED.light))
     if problem.robot.max_speed < top:
         cap = np.full(len(x), problem.robot.max_speed)
         draw(x, cap, "v_max", LIMIT.light, LIMIT.light, LIMIT_DASH, 1.0)
@@ -132,7 +135,7 @@ def draw_friction(data: FrictionData) -> Sequence[Picture]:
     spoken = f"The executed motions use at most {100.0 * share:.0f} % of the friction."
     pictures = []
     with drawing_style():
-        views = [("friction", "The whole friction circle", 1.15)]
+        views = [("friction", "The whole friction circle", max(1.15, 1.06 * share))]
         if near < 0.7:
             views.append(("friction-near", "The part that is used", near))
         for key, title, reach in views:
@@ -149,7 +152,6 @@ def _circle(
         PANEL, PANEL, x="across the path  v²κ / μg   (left turns positive)", y="along the path  a / μg"
     )
     axes.set_aspect("equal")
-    reach = max(reach, 1.0001 * reach)
     axes.set_xlim(-reach, reach)
     axes.set_ylim(-reach, reach)
     axes.axhline(0, color=MUTED.light, lw=0.6)
@@ -196,7 +198,7 @@ def _circle(
         if value / mu_g < reach:
             for sign in (-1, 1):
                 axes.axvline(sign * value / mu_g, color=LIMIT.light, lw=1.2, ls=LIMIT_DASH)
-            axes.text(
+            words = axes.text(
                 value / mu_g - 0.02 * reach,
                 -0.96 * reach,
                 f"{text} {value:.2f} m/s²",
@@ -206,12 +208,13 @@ def _circle(
                 ha="right",
                 va="bottom",
             )
+            halo(words)
     return to_svg(figure, key=key, title=title, description=spoken)
 
 
 def _note(axes: Axes, x: float, y: float, text: str, reach: float, *, left: bool = False) -> None:
     if abs(y) < 0.97 * reach:
-        axes.annotate(
+        note = axes.annotate(
             text,
             (x, y),
             (0, 3),
@@ -221,6 +224,7 @@ def _note(axes: Axes, x: float, y: float, text: str, reach: float, *, left: bool
             fontsize=9.5,
             color=LIMIT.light,
         )
+        halo(note)
 
 
 def _distinct(points: Array, step: float) -> Array:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import os
-import re
 import tempfile
-import unicodedata
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from verify.report.palette import css_variables
-from verify.report.svg import plain
+from verify.report.text import plain, visible
 
 
 @cache
@@ -55,20 +53,6 @@ def render(template: str, **values: Any) -> str:
     """A page from its template. All values are escaped except our own drawings."""
     style = Markup(stylesheet())
     return _environment().get_template(template).render(style=style, policy=content_policy(), **values) + "\n"
-
-
-_KEPT = "\n\t"
-
-
-def visible(text: str) -> str:
-    """Text line by line, with control and direction characters spelt out: what one reads is what it says."""
-    lines = re.sub(r"\r\n?", "\n", text)
-    return "".join(
-        f"⟨U+{ord(c):04X}⟩"
-        if c not in _KEPT and unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")
-        else c
-        for c in lines
-    )
 
 
 def write_whole(file: Path, text: str) -> None:

@@ -74,13 +74,13 @@ def metres(value: float | None) -> str:
 
 
 def percent(ratio: float | None, *, signed: bool = False) -> str:
-    """A ratio in percent: 0.003 %, 1.25 %, 12.3 %."""
+    """A ratio in percent: 0.003 %, 1.25 %, 12.3 %; what is smaller says so."""
     if ratio is None:
         return DASH
     value = 100.0 * ratio
     size = abs(value)
     if size != 0.0 and size < 5e-4:
-        return significant(value, 2) + SPACE + "%"
+        return f"<{SPACE}0.001{SPACE}%" if value > 0.0 else f">{SPACE}−0.001{SPACE}%"
     digits = 3 if size < 1.0 else 2 if size < 10.0 else 1
     text = f"{value:+.{digits}f}" if signed else f"{value:.{digits}f}"
     return _minus(text) + SPACE + "%"
@@ -102,6 +102,8 @@ def with_unit(value: float | None, unit: str) -> str:
         for least, scale, name in _SMALLER:
             if size >= 0.1 * least or (name == "µm" and size >= 1e-9):
                 return significant(value / scale) + SPACE + name
+        if value != 0.0:
+            return f"<{SPACE}1{SPACE}nm" if value > 0.0 else f">{SPACE}−1{SPACE}nm"
     text = significant(value)
     return f"{text}{SPACE}{unit}" if unit and unit != "1" else text
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from verify.report import story
+from verify.report.answer import answer
 from verify.report.evidence import Evidence, read_evidence
 from verify.report.figures_map import MapData, draw_map
 from verify.report.figures_margins import MarginsData, draw_margins
@@ -83,7 +84,7 @@ def write_report(
         headline=story.headline(result),
         verdict_reasons=story.reasons(result),
         standing=story.standing(result),
-        answer=story.answer(result, rest_ends=rest),
+        answer=answer(result, rest_ends=rest),
         gate_summary=story.gate_summary(result),
         gates=story.gate_rows(result),
         checks=story.check_rows(result),

@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from verify.report.text import label
+
 Dash = str | tuple[float, tuple[float, ...]]
 
 
@@ -63,7 +65,7 @@ def method(key: str) -> Method:
     """The look of `key`; a method of no name of its own is drawn in grey and called by its key."""
     if key in METHODS:
         return METHODS[key]
-    return Method(key="other", label=key.replace("_", " "), kind="other",
+    return Method(key="other", label=label(key.replace("_", " ")) or "unnamed", kind="other",
                   light="#77777a", dark="#a5a5a8", text="#5a5a5c", marker="h")  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from verify.report.numbers import (
     with_unit,
 )
 from verify.report.palette import METHODS, Method, method
-from verify.report.wording import CHECKS, GAPS, GATES, LIMITS, VERDICTS, GateWords
+from verify.report.wording import CHECKS, GAPS, GATES, VERDICTS, GateWords
 
 Result = Mapping[str, Any]
 
@@ -297,80 +297,6 @@ def standing(result: Result) -> str:
     if verdict(result) == "failed" or any(row.status == FAILED for row in gate_rows(result)):
         return "bad"
     return "good" if verdict(result) in VERDICTS else "open"
-
-
-def answer(result: Result, *, rest_ends: bool) -> list[str]:
-    """The answer in plain English, sentence by sentence."""
-    plan, times = executed_plan(result), travel_times(result)
-    sentences = [_gets_there(result, plan, times)]
-    optimum = times.get("collocation")
-    if optimum is not None and plan in times and plan != "collocation":
-        ends = (
-            ", which knows the braking limit alone and may start and end at the safe speed"
-            if rest_ends
-            else ", which knows the braking limit alone"
-        )
-        ratio = times[plan] / optimum - 1.0
-        near = (
-            "equal to" if abs(ratio) < 5e-7 else f"{percent(abs(ratio))} {'above' if ratio > 0 else 'below'}"
-        )
-        sentences.append(f"That is {near} the variational optimum of {seconds(optimum)}{ends}.")
-    cost, gap = number_in(result, "end_cost"), number_in(result, "gaps", "refinement")
-    if cost is not None and cost > 0.0 and gap is not None:
-        sentences.append(
-            f"Starting and ending as asked costs at least {seconds(cost)}; "
-            f"the motion is {_compared(gap, 'above', 'below')} the optimum with that cost added."
-        )
-    bound = times.get("lower_bound")
-    if bound is not None:
-        gap = number_in(result, "gaps", "certified")
-        room = f"; the certified gap is {percent(gap)}" if gap is not None else ""
-        sentences.append(
-            f"No path of any homotopy class can be faster than {seconds(bound)} in that model{room}."
-        )
-    route = times.get("voronoi_route")
-    if route is not None and optimum is not None:
-        sentences.append(
-            f"The fastest route along Voronoi arcs, with exact arc times, takes {seconds(route)}, "
-            f"{_compared(route / optimum - 1.0, 'more than', 'less than')} that optimum."
-        )
-    broken = _broken_by_variational(result)
-    if broken:
-        sentences.append(f"The variational optimum itself breaks {broken}: the refinement repairs that.")
-    sentences += _simulated(result)
-    return sentences
-
-
-def _compared(ratio: float, more: str, less: str) -> str:
-    return f"{percent(abs(ratio))} {more if ratio >= 0.0 else less}"
-
-
-def _gets_there(result: Result, plan: str, times: Mapping[str, float]) -> str:
-    if not plan:
-        return "There is no motion to execute: no stage produced a trajectory."
-    length = number_in(result, "plans", plan, "length")
-    way = f" on a path of {metres(length)}" if length is not None else ""
-    if verdict(result) == "failed":
-        name = method(plan).label.lower().replace("voronoi", "Voronoi")
-        return f"No trajectory passed all checks; the {name} would take {seconds(times[plan])}{way}."
-    return f"The robot gets there in {seconds(times[plan])}{way}."
-
-
-def _broken_by_variational(result: Result) -> str:
-    rows = (
-        row for row in check_rows(result) if row.trajectory == "collocation" and row.status == NOT_PROMISED
-    )
-    names = [LIMITS.get(row.name, row.name.replace("_", " ")) for row in rows]
-    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
-
-
-def _simulated(result: Result) -> list[str]:
-    time = number_in(result, "simulation", "travel_time")
-    error = number_in(result, "simulation", "max_tracking_error")
-    if time is None:
-        return []
-    text = f"In simulation the vehicle took {seconds(time)}"
-    return [text + (f" and stayed within {with_unit(error, 'm')} of the plan." if error is not None else ".")]
 
 
 def gate_summary(result: Result) -> str:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import re
-import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,7 +18,6 @@ from markupsafe import Markup, escape
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from verify.report.palette import INK, MUTED, RULE, variable_of_colour
@@ -144,20 +142,3 @@ def _attributes(match: re.Match[str]) -> str:
 def _rounded(match: re.Match[str]) -> str:
     numbers = re.sub(r"-?\d+\.\d{3,}", lambda m: f"{float(m[0]):.2f}".rstrip("0").rstrip("."), match[1])
     return f' d="{" ".join(numbers.split())}"'
-
-
-LABEL_LENGTH = 24  # characters of a name on a map
-_INVISIBLE = ("Cc", "Cf", "Co", "Cs", "Cn", "Zl", "Zp")  # control, direction marks, unassigned
-
-
-def plain(text: str) -> str:
-    """Text from a file without control and direction characters; line ends become spaces."""
-    spaced = re.sub(r"\s+", " ", text)
-    return "".join(c for c in spaced if unicodedata.category(c) not in _INVISIBLE).strip()
-
-
-def label(text: str, longest: int = LABEL_LENGTH) -> str:
-    """A name that can be drawn: plain, short, and only letters that the font has."""
-    font = get_font(findfont(FontProperties(family="DejaVu Sans")))
-    shown = "".join(c if font.get_char_index(ord(c)) else "□" for c in plain(text))
-    return shown if len(shown) <= longest else shown[: longest - 1] + "…"
