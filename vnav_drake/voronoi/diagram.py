@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from vnav_drake.problem import PlanningError
 from vnav_drake.voronoi import curves as shapes
 from vnav_drake.voronoi.boost import boost_topology
+from vnav_drake.voronoi.cells import cell_of, foot_coordinate
 from vnav_drake.voronoi.check import DiagramError, verify_diagram
 from vnav_drake.voronoi.curves import LINEAR, Curves
 from vnav_drake.voronoi.nodes import Borders, exact_borders
@@ -103,9 +104,8 @@ class VoronoiDiagram:
     def cell_borders(self, cell: int) -> tuple[Indices, Mask]:
         """Borders of a cell in order of the feature's coordinate, and which run against that order.
 
-        The coordinate is the position along an edge, or the angle at a vertex (increasing from the
-        direction opposite to the middle of its sector; for an isolated point from -pi).
-        Secondary borders of a strip come first and last.
+        The coordinate is that of `foot_coordinate`. Secondary borders come first and last; around an
+        isolated point the order is cyclic.
         """
         order, start = self._by_cell
         border = order[start[cell] : start[cell + 1]] // 2
@@ -117,30 +117,7 @@ class VoronoiDiagram:
 
     def foot_coordinate(self, cell: int, curves: Curves) -> Array:
         """(n, 2) foot coordinates of curves' ends in a cell: [m] along an edge, [rad] at a vertex."""
-        world, edges = self.world, len(self.world.edges)
-        points = curves.points(np.column_stack([curves.span, curves.middle]))
-        if cell < 2 * edges:
-            a, b = world.vertices[world.edges[cell // 2]]
-            along = (points - a) @ ((b - a) / np.hypot(*(b - a)))
-            return along[:, :2]
-        vertex = cell - 2 * edges
-        offset = points - world.vertices[vertex]
-        neighbours = world.edges[(world.edges == vertex).any(axis=1)]
-        inward = (
-            (world.vertices[neighbours].sum(axis=1) - 2 * world.vertices[vertex]) if len(neighbours) else None
-        )
-        if inward is None:
-            reference = np.pi
-        else:
-            unit = (inward / np.hypot(*inward.T)[:, None]).sum(axis=0)
-            reference = (
-                _sector_seam(inward) if np.hypot(*unit) < 1e-9 else float(np.arctan2(unit[1], unit[0]))
-            )
-        angle = np.arctan2(offset[..., 1], offset[..., 0])
-        middle = np.mod(angle[:, 2:] - reference, 2 * np.pi)
-        turn = np.mod(angle[:, :2] - angle[:, 2:] + np.pi, 2 * np.pi) - np.pi
-        at_vertex = np.hypot(offset[:, :2, 0], offset[:, :2, 1]) == 0.0
-        return middle + np.where(at_vertex, 0.0, turn)
+        return foot_coordinate(self.world, cell, curves)
 
     def restricted(self, radius: float) -> VoronoiDiagram:
         """The part with distance >= `radius` [m] to every feature.
@@ -163,27 +140,6 @@ class VoronoiDiagram:
                 u = curve.span
             lines.append(curve.points(u)[0])
         return lines
-
-
-def cell_of(world: World, points: ArrayLike) -> Indices:
-    """Proximity cells (see `VoronoiDiagram`) that contain points (..., 2) [m]; shape (...)."""
-    p = np.asarray(points, dtype=float)
-    _, foot, index = world.nearest(p)
-    edges = len(world.edges)
-    is_edge = index < edges
-    if edges == 0:
-        return 2 * edges + world.isolated[index]
-    edge = world.edges[np.where(is_edge, index, 0)]
-    a, b = world.vertices[edge[..., 0]], world.vertices[edge[..., 1]]
-    along = b - a
-    side = along[..., 0] * (p - a)[..., 1] - along[..., 1] * (p - a)[..., 0] < 0.0
-    cell = 2 * index + side
-    cell = np.where((foot == a).all(axis=-1), 2 * edges + edge[..., 0], cell)
-    cell = np.where((foot == b).all(axis=-1), 2 * edges + edge[..., 1], cell)
-    if len(world.isolated):
-        lone = world.isolated[np.clip(index - edges, 0, len(world.isolated) - 1)]
-        cell = np.where(is_edge, cell, 2 * edges + lone)
-    return cell
 
 
 def build_diagram(world: World, radius: float = 0.0) -> VoronoiDiagram:
@@ -326,8 +282,3 @@ def _rooted(curves: Curves, cut: Mask, radius: float) -> Curves:
         size[rows] = radius
         span[rows] = curves.span[rows] - shift[:, None]
     return Curves(curves.kind, origin, curves.axis, curves.normal, size, curves.slope, span)
-
-
-def _sector_seam(directions: Array) -> float:
-    """A direction [rad] along one of the walls when they balance."""
-    return float(np.arctan2(directions[0, 1], directions[0, 0]))

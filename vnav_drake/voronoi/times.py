@@ -12,9 +12,10 @@ Derived. With rho' = radius + margin, the room is delta = r - rho' and, with lag
 * PARABOLA (r = (p^2 + u^2) / (2 p)): the same with sigma^2 = p (p - 2 rho') and
   delta = sigma^2 cosh^2 w / (2 p), ds = sqrt(1 + (u/p)^2) sigma cosh w dw.
 
-In w the integrands are analytic in a strip of half-width pi / 2 about the real axis, so Gauss-Legendre panels
-no wider than 1 with 12 nodes are exact to rounding. With a reaction time the
-integral diverges where V reaches zero, and the result is infinity.
+With lag, sinh w in the denominator has a zero at w = 0: there put w = log(1 + exp v). In w and v the
+integrands are analytic in a strip of half-width about pi / 2 around the real axis, so Gauss-Legendre
+panels no wider than 1 with 12 nodes are exact to rounding. With a reaction time the integral diverges
+where V reaches zero, and the result is infinity.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ Array = NDArray[np.float64]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _PANEL = 1.0  # greatest width in w
+_TINY = 1e-300  # keeps logarithms finite where the result is infinite anyway
 
 
 def travel_time(curves: Curves, braking: UniformBraking, radius: float) -> Array:
@@ -108,12 +110,16 @@ def _curved_time(curves: Curves, span: Array, braking: UniformBraking, level: fl
     x = span / unit[:, None]
     magnitude = np.sort(np.abs(x), axis=1)
     w = np.where(above[:, None], np.arcsinh(x), np.arccosh(np.maximum(magnitude, 1.0)))
-    w = np.where(touching[:, None], np.log(np.maximum(magnitude, 1e-300)), w)
+    w = np.where(touching[:, None], np.log(np.maximum(magnitude, _TINY)), w)
+    soft = (lag > 0.0) & ~above & ~touching
+    w = np.where(soft[:, None], np.log(np.expm1(np.where(soft[:, None], np.maximum(w, _TINY), 1.0))), w)
     panels = max(1, int(np.ceil((w[:, 1] - w[:, 0]).max(initial=0.0) / _PANEL)))
     edges = w[:, :1] + np.diff(w, axis=1) * np.linspace(0.0, 1.0, panels + 1)
     half = 0.5 * np.diff(edges, axis=1)
     node = (edges[:, :-1] + half)[:, :, None] + half[:, :, None] * _NODES
     column = (slice(None), None, None)
+    softened = np.logaddexp(0.0, np.where(soft[column], node, 0.0))
+    node = np.where(soft[column], softened, node)
     growth = np.exp(np.where(touching[column], node, 0.0))
     sinh = np.where(touching[column], growth, np.sinh(node))
     cosh = np.where(touching[column], growth, np.cosh(node))
@@ -129,6 +135,7 @@ def _curved_time(curves: Curves, span: Array, braking: UniformBraking, level: fl
         moment = unit[column] * other
         room = moment * moment / reach
         value = stretch * reach * (lag + np.sqrt(lag * lag + 2.0 * accel * room)) / (2.0 * accel * moment)
+    value = np.where(soft[column], -np.expm1(-softened) * value, value)
     time = (half * (value @ _WEIGHTS)).sum(axis=1)
     stuck = touching & (span[:, 0] <= 0.0) & (span[:, 1] >= 0.0)
     if lag > 0.0:

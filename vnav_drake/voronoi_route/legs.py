@@ -74,6 +74,8 @@ def straight_leg(diagram: VoronoiDiagram, start: Array, end: Array, level: float
     length = float(np.hypot(*step))
     if length <= NEAR:
         return empty()
+    if _crosses_wall(diagram.world, start, end):
+        return None
     direction = step / length
     crossing = _crossings(diagram.uncut.curves, start, direction, length)
     crossing = np.concatenate([[0.0], crossing, [length]])
@@ -82,9 +84,19 @@ def straight_leg(diagram: VoronoiDiagram, start: Array, end: Array, level: float
     points = start + crossing[:, None] * direction
     points[-1] = end
     pieces = _near_features(diagram, points)
-    if pieces is None or pieces.least_distance.min() < level:
-        return None
-    return pieces
+    return pieces if pieces.least_distance.min() >= level else None
+
+
+def _crosses_wall(world: World, start: Array, end: Array) -> bool:
+    """Whether the segment meets an edge of the world."""
+    a, b = world.vertices[world.edges[:, 0]], world.vertices[world.edges[:, 1]]
+
+    def side(p: Array, q: Array, r: Array) -> Array:
+        one, other = q - p, r - p
+        return np.sign(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
+
+    apart = (side(start, end, a) * side(start, end, b) > 0.0) | (side(a, b, start) * side(a, b, end) > 0.0)
+    return not bool(apart.all())
 
 
 def _crossings(curves: Curves, start: Array, direction: Array, length: float) -> Array:
@@ -101,14 +113,14 @@ def _crossings(curves: Curves, start: Array, direction: Array, length: float) ->
         root = np.sqrt(b * b - a * c)
         q = -(b + np.where(b < 0.0, -root, root))
         meets = np.column_stack([np.where(is_parabola, q / a, line), np.where(is_parabola, c / q, line)])
-    u = u0[:, None] + meets * du[:, None]
+        u = u0[:, None] + meets * du[:, None]
     low, high = curves.span.min(axis=1)[:, None] - NEAR, curves.span.max(axis=1)[:, None] + NEAR
     inside = (meets > 0.0) & (meets < length) & (u >= low) & (u <= high)
     return np.unique(meets[inside])
 
 
-def _near_features(diagram: VoronoiDiagram, points: Array) -> Curves | None:
-    """Straight pieces between consecutive points, each in one cell; None if one crosses a wall."""
+def _near_features(diagram: VoronoiDiagram, points: Array) -> Curves:
+    """Straight pieces between consecutive points, each in one cell."""
     world, edges = diagram.world, len(diagram.world.edges)
     start, end = points[:-1], points[1:]
     cell = diagram.cell_of(0.5 * (start + end))
@@ -118,8 +130,6 @@ def _near_features(diagram: VoronoiDiagram, points: Array) -> Curves | None:
     normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
     normal = np.where((cell % 2 == 1)[:, None], -normal, normal)
     height = [np.einsum("ij,ij->i", q - wall[:, 0], normal) for q in (start, end)]
-    if (np.minimum(*height)[by_wall] < 0.0).any():
-        return None
     lines = linear(start[by_wall], end[by_wall], height[0][by_wall], height[1][by_wall])
     rays = near_point(start[~by_wall], end[~by_wall], world.vertices[cell[~by_wall] - 2 * edges])
     order = np.concatenate([np.flatnonzero(by_wall), np.flatnonzero(~by_wall)])
