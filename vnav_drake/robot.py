@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 GRAVITY = 9.81  # [m/s^2]
@@ -30,25 +30,15 @@ class Robot:
     max_steering_rate: float = math.inf  # [rad/s]
 
     def __post_init__(self) -> None:
-        positive = (
-            "mass",
-            "wheelbase",
-            "track",
-            "friction",
-            "max_braking",
-            "max_acceleration",
-            "max_steering",
-        )
-        for name in ("radius", "com_height", *positive, "max_speed", "max_steering_rate"):
+        for name in (field.name for field in fields(self)):
             number = getattr(self, name)
             may_be_zero = name in ("radius", "com_height")
             may_be_infinite = name in ("max_speed", "max_steering_rate")
             in_range = number >= 0.0 if may_be_zero else number > 0.0
             if not in_range or (math.isinf(number) and not may_be_infinite):
                 rule = "zero or more" if may_be_zero else "positive"
-                raise ValueError(
-                    f"{name} = {number!r}: must be {rule}{'' if may_be_infinite else ' and finite'}"
-                )
+                finite = "" if may_be_infinite else " and finite"
+                raise ValueError(f"{name} = {number!r}: must be {rule}{finite}")
         if self.max_steering >= 0.5 * math.pi:
             raise ValueError(f"max_steering = {self.max_steering!r}: must be below pi/2 [rad]")
 
