@@ -21,7 +21,7 @@ METHODS = ("voronoi_route", "collocation", "speed_graph", "vc_method", "dwa", "l
 
 # The judge recomputes everything: from the package it may only know how a scenario file is read.
 JUDGE_MAY_IMPORT = ("vnav_drake.scenario*",)
-DRAKE_USERS = ("vnav_drake.collocation*", "vnav_drake.lower_bound*", "systems*", "verify.versions")
+DRAKE_USERS = ("vnav_drake.collocation*", "vnav_drake.lower_bound*", "systems*")
 MATPLOTLIB_USERS = ("verify.report*",)
 
 
@@ -81,15 +81,17 @@ def _lines(strange: list[str]) -> str:
 
 
 def _reached(module: str, package: str) -> set[str]:
-    """The module and all modules of `package` that it imports, directly or not."""
+    """The module and all modules of `package` that it imports, directly or not.
+
+    Packages around a module are left out: Python runs them before it, whatever it uses.
+    """
     reached, pending = set(), [module]
     while pending:
         current = pending.pop()
         if current not in reached:
             reached.add(current)
-            pending += [
-                target for target in IMPORTS[current] if target in IMPORTS and _within(target, package)
-            ]
+            inside = [name for name in IMPORTS[current] if name in IMPORTS and _within(name, package)]
+            pending += [name for name in inside if not _within(current, name)]
     return reached
 
 
