@@ -1,6 +1,4 @@
-"""Verify a scenario: plan, simulate, judge and report; or judge a finished result."""
+"""Verify a scenario: plan, simulate, judge and report; or judge a finished result.
 
-from verify.judge import Check, Judgement, judge
-from verify.library import check
-
-__all__ = ["Check", "Judgement", "check", "judge"]
+From Python: `verify.library.check` judges a plan, `verify.judge.judge` a result folder.
+"""
