@@ -55,6 +55,8 @@ def plan_voronoi_route(problem: Problem, diagram: VoronoiDiagram | None = None) 
     NoPathError : the robot does not fit through; the message names the widest way.
     """
     begin = time.perf_counter()
+    if np.array_equal(problem.start.point, problem.goal.point):
+        raise PlanningError("start and goal are the same point: there is no way to plan")
     if diagram is None:
         diagram = build_diagram(problem.world, problem.robot.radius)
     level = problem.robot.radius + problem.braking.margin
@@ -66,8 +68,7 @@ def plan_voronoi_route(problem: Problem, diagram: VoronoiDiagram | None = None) 
         raise no_path(problem, diagram, network, level)
     is_direct = choice is None or straight_time < choice.exact_time
     best = direct if choice is None or (direct is not None and is_direct) else choice.route
-    if best is None or len(best.curves) == 0:
-        raise PlanningError("start and goal are the same point: there is no way to plan")
+    assert best is not None
     path = _path(problem, best)
     trajectory = fastest_profile(problem, path, model="variational", ends="problem")
     part = diagram.restricted(level)
@@ -75,6 +76,7 @@ def plan_voronoi_route(problem: Problem, diagram: VoronoiDiagram | None = None) 
         method="voronoi_route",
         model="variational",
         trajectory=trajectory,
+        path=path,
         details={
             "exact_time": straight_time if choice is None else min(straight_time, choice.exact_time),
             "compute_time": time.perf_counter() - begin,
