@@ -145,10 +145,14 @@ def sha256(data: bytes) -> str:
 
 
 def manifest(folder: Path) -> dict[str, str]:
-    """SHA-256 of each evidence file that exists, and of the report, by name."""
-    fixed = [SCENARIO, EXECUTED, SIMULATION, REPORT]
-    names = [name for name in fixed if (folder / name).exists()] + trajectory_files(folder)
-    return {name: sha256(read_bytes(folder, name)) for name in sorted(names)}
+    """SHA-256 of each evidence file that can be read, and of the report, by name."""
+    found = {}
+    for name in sorted([SCENARIO, EXECUTED, SIMULATION, REPORT, *trajectory_files(folder)]):
+        try:
+            found[name] = sha256(read_bytes(folder, name))
+        except EvidenceError:
+            continue
+    return found
 
 
 def write_result(folder: Path, result: Mapping[str, Any]) -> None:

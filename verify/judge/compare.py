@@ -20,6 +20,7 @@ LISTED = 20  # differences shown
 # Keys that state a judgement wherever they stand: absent from ours, they must be absent from a claim.
 _JUDGED_KEYS = frozenset({"value", "worst", "violation", "at", "unpromised", "overridden"})
 
+_DECISIVE = re.compile(r"verdict:|checks\[.*\]\.status:|gates\[.*\]\.passed:")  # told first
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -42,6 +43,7 @@ def compare(result: Mapping[str, Any], judgement: Judgement) -> tuple[str, ...]:
         for name in ("executed", "simulation", "lower_bound")
         if name in result and name not in expected
     ]
+    found.sort(key=lambda reason: not _DECISIVE.match(reason))
     if len(found) > LISTED:
         found = [*found[:LISTED], f"and {len(found) - LISTED} more differences"]
     return tuple(found)

@@ -1,0 +1,46 @@
+"""One real result folder, made once a test session by the whole pipeline."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+from judged import scenario
+
+from verify.pipeline import Outcome, run_scenario
+
+# Around a point in a 12 x 8 m room: bends one way, with rows that differ in curvature and acceleration.
+CHANGES = {
+    "name": "around_a_point",
+    "world": {
+        "boundary": [[0, 0], [12, 0], [12, 8], [0, 8]],
+        "obstacles": [{"name": "pillar <b>&", "vertices": [[6.0, 3.0]]}],
+    },
+    "robot": {"radius": 0.4},
+    "start": {"position": [2.0, 3.0], "speed": "rest"},
+    "goal": {"position": [10.0, 3.0], "speed": "rest"},
+    "plan": {"effort": "quick"},
+    "gates": {"refinement_gap": 0.1},  # E is only a bound on what the ends cost; the way is short here
+}
+
+
+@cache
+def outcome() -> Outcome:
+    """Of a real run; its folder must not be changed: copy it."""
+    out = Path(mkdtemp(prefix="vnav-result-"))
+    return run_scenario(scenario(**CHANGES), out)
+
+
+def copy_to(place: Path) -> Path:
+    folder = place / "around_a_point"
+    shutil.copytree(outcome().report.parent, folder)
+    return folder
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file below `folder`, hidden ones too."""
+    files = [file for file in sorted(folder.rglob("*")) if file.is_file()]
+    return {str(f.relative_to(folder)): hashlib.sha256(f.read_bytes()).hexdigest() for f in files}
