@@ -13,6 +13,7 @@ from vnav_drake.plan import Trajectory
 from vnav_drake.robot import Robot
 
 LOG_PERIOD = 1e-2  # [s]
+REST_SPEED = 1e-6  # [m/s]: a trajectory that ends slower than this ends at rest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +25,7 @@ class TrackingDiagram:
     controller: TrackingController
     vehicle: SingleTrackVehicle
     log: VectorLogSink  # of `Motion`, every `LOG_PERIOD`
+    duration: float  # [s], of the schedule
     start: State  # of a vehicle that is exactly on the first row
 
     def state(self, context: Context) -> State:
@@ -58,11 +60,9 @@ def tracking_diagram(robot: Robot, trajectory: Trajectory) -> TrackingDiagram:
         controller=controller,
         vehicle=vehicle,
         log=log,
+        duration=wanted.duration,
         start=wanted.state(trajectory),
     )
-
-
-REST_SPEED = 1e-6  # [m/s]: a trajectory that ends slower than this ends at rest
 
 
 def diagram_graphviz(robot: Robot, trajectory: Trajectory) -> str:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from systems.single_track import STEERING_TIME_CONSTANT, Body, State
 from systems.tyre import (
@@ -33,7 +34,11 @@ Array = NDArray[np.float64]
 FRICTION_USED = (
     0.98  # of the friction circle that feed-forward may ask for: beyond, the inverse tyre law is flat
 )
-YAW_FRICTION = 0.3  # share of the friction that turning the body (not the path) may take
+BEND_FRICTION = 0.96  # of the friction circle in bends: beyond, the schedule slows down
+BEND_SHARE = 0.2  # of the friction, taken sideways: that is a bend
+PACE_CHANGE = 0.3  # [s], over which the schedule changes its rate
+SLOWEST_PACE = 0.5  # whatever the plan
+YAW_FRICTION = 0.5  # share of the friction that turning the body (not the path) may take
 SHORTEST_SMOOTHING = 0.06  # [s], of curvature: two time constants of the steering servo
 LONGEST_SMOOTHING = 0.8  # [s]
 SOFTEST = (
@@ -48,6 +53,7 @@ class Demand:
     """A trajectory sampled every `period` seconds, with what the vehicle must do there; arrays (n,)."""
 
     period: float  # [s]
+    duration: float  # [s], of the schedule: the travel time, longer where a bend takes all the friction
     smoothing: float  # [s], width of the moving average of the curvature
     arc_length: Array  # [m]
     speed: Array  # [m/s], of the centre of mass along the path
@@ -70,8 +76,8 @@ class Demand:
             float(trajectory.x[0]),
             float(trajectory.y[0]),
             float(self.heading[0]),
-            float(self.speed[0] * math.cos(slip_angle)),
-            float(self.lateral_velocity[0]),
+            float(trajectory.v[0] * math.cos(slip_angle)),
+            float(trajectory.v[0] * math.sin(slip_angle)),
             float(self.yaw_rate[0]),
             float(self.steering[0]),
         )
@@ -116,6 +122,29 @@ def _body_motion(body: Body, v: Array, a: Array, kappa: Array, period: float) ->
     return np.array(betas), np.array(rates)
 
 
+def _paced(trajectory: Trajectory, friction: float, period: float) -> tuple[Array, Array, float]:
+    """Times of the trajectory [s] at which a schedule samples it, its rate there, and its duration [s].
+
+    The rate is 1 except around bends that take more than `BEND_FRICTION` of the friction: at a rate p speeds
+    are p times and accelerations p^2 times the planned ones, which leaves something to correct with.
+    """
+    count = max(math.ceil(trajectory.travel_time / period - 1e-9), 1) + 1
+    t = np.minimum(trajectory.t[0] + period * np.arange(count), trajectory.t[-1])
+    _, _, _, v, a, curvature = trajectory.at(t)
+    side = v * v * np.abs(curvature)
+    used = np.where(side > BEND_SHARE * friction, np.hypot(a, side) / friction, 0.0)
+    slow = 1.0 - np.minimum(np.sqrt(BEND_FRICTION / np.maximum(used, BEND_FRICTION)), 1.0)
+    if not slow.any():
+        return t, np.ones(count), trajectory.travel_time
+    size = 2 * round(0.5 * PACE_CHANGE / period) + 1
+    slow = uniform_filter1d(maximum_filter1d(slow, size, mode="nearest"), size, mode="nearest")
+    rate = 1.0 - np.minimum(slow, 1.0 - SLOWEST_PACE)
+    clock = np.concatenate([[0.0], np.cumsum(np.diff(t) * 0.5 * (1.0 / rate[1:] + 1.0 / rate[:-1]))])
+    duration = float(clock[-1])
+    grid = np.minimum(period * np.arange(max(math.ceil(duration / period - 1e-9), 1) + 1), duration)
+    return np.interp(grid, clock, t), np.interp(grid, clock, rate), duration
+
+
 def demand(body: Body, trajectory: Trajectory, period: float) -> Demand:
     """Sample a trajectory every `period` [s] and invert the vehicle along it.
 
@@ -134,13 +163,12 @@ def demand(body: Body, trajectory: Trajectory, period: float) -> Demand:
 
 
 def _demand(body: Body, trajectory: Trajectory, period: float, width: float) -> Demand:
-    count = max(math.ceil(trajectory.travel_time / period - 1e-9), 1) + 1
-    t = trajectory.t[0] + period * np.arange(count)
-    time = np.minimum(t, trajectory.t[-1])
+    time, pace, duration = _paced(trajectory, body.friction * GRAVITY, period)
+    count = len(time)
     _, _, course, v, _, curvature = trajectory.at(time)
-    v = np.maximum(v, 0.0)
     row = np.clip(np.searchsorted(trajectory.t, time, side="right") - 1, 0, len(trajectory.t) - 2)
     s = trajectory.arc_length[row] + 0.5 * (trajectory.v[row] + v) * (time - trajectory.t[row])
+    v = pace * np.maximum(v, 0.0)
     a = np.append(np.diff(v), 0.0) / period  # mean over the sample, as the command is held
     a[-2:] = trajectory.a[-1]
     kappa = _moving_average(curvature, max(round(0.5 * width / period), 1))
@@ -173,6 +201,7 @@ def _demand(body: Body, trajectory: Trajectory, period: float, width: float) -> 
     front = weight * share_f * np.maximum(brush_slope(slip_f, mu), softest) / rolling
     return Demand(
         period=period,
+        duration=duration,
         smoothing=width,
         arc_length=s,
         speed=v,

@@ -91,7 +91,7 @@ def simulate(
     ----------
     robot : mass, axles, friction and limits of the vehicle; its radius is not used.
     trajectory : at least two rows. The vehicle starts on the first row, as if it had driven up to it: its
-        body turned so that the centre of mass moves along the course, steering and yaw rate those of the bend.
+        body turned so that the centre of mass moves along the course, steering and yaw rate of the bend.
     step : of the integrator [s], at most 2.5 ms; the control period of 5 ms must be a multiple.
     initial_offset : (along [m], left [m], turned left [rad]) from there.
 
@@ -99,7 +99,8 @@ def simulate(
     -------
     SimulationRun, which ends when the vehicle passes the goal line (or stands, where the trajectory ends at
     rest), at the latest 2 s and 10 % of the travel time after the planned end. `details`: `arrived`,
-    `travel_time` [s] (present when arrived), `slid`, `slide_onset` [s] (present when slid), `wheel_lift`, `pitch_lift`,
+    `travel_time` [s] (present when arrived), `slid`, `slide_onset` [s] (present when slid), `wheel_lift`
+    (lateral acceleration above the robot's tip limit at some row), `pitch_lift` (an axle without load),
     `max_lateral_acceleration` [m/s^2], `integrator`, `compute_time` [s], `real_time_factor`.
 
     Raises
@@ -159,7 +160,7 @@ def _drive(simulator: Simulator, loop: TrackingDiagram, trajectory: Trajectory) 
         ahead, closing, beside = _goal_line(state, loop, context, trajectory)
         near = beside > trajectory.length - NEAR_GOAL
         if rest_end:
-            ended = _schedule_time(loop, context) >= planned - 1e-9
+            ended = _schedule_time(loop, context) >= loop.duration - 1e-9
             speed = math.hypot(state.longitudinal_velocity, state.lateral_velocity)
             arrived = ended and near and speed < STANDING
         elif near and ahead <= 0.0:

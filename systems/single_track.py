@@ -97,8 +97,8 @@ def tyre_forces(body: Body, state: Sequence[float], force: float) -> Forces:
     Per unit of load both axles then get the same drive force u, and with a cornering stiffness in
     proportion to load the lateral force depends on slip alone: the force over load (u, f) of an axle is known
     before its load is. It is scaled back onto the friction circle when longer than mu. With p_f, p_r the
-    forward parts of the two, load transfer N_f = m (g - h a_x / b) / 2, N_r = m g - N_f (b half the wheelbase)
-    and m a_x = N_f p_f + N_r p_r give a_x = g (p_f + p_r) / (2 + h (p_f - p_r) / b) in closed form.
+    forward parts of the two, load transfer N_f = m (g - h a_x / b) / 2, N_r = m g - N_f (b half the
+    wheelbase) and m a_x = N_f p_f + N_r p_r give a_x = g (p_f + p_r) / (2 + h (p_f - p_r) / b).
     """
     _, _, _, forward, sideways, yaw_rate, steering = state
     mu, b, h = body.friction, body.half_base, body.com_height

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 CONTROL_PERIOD = 5e-3  # [s]
 
 # Bryson's rule: weights are one over the square of what is acceptable
-LATERAL_SCALE = 0.02  # [m]
+LATERAL_SCALE = 0.1  # [m]
 COURSE_SCALE = 0.1  # [rad]
 YAW_RATE_SCALE = 2.0  # [rad/s]
 STEERING_SCALE = 0.1  # [rad]
@@ -37,7 +37,7 @@ STOPPING_GAIN = 20.0  # [1/s], of speed once the motion has ended at rest: the b
 AT_GOAL = 0.02  # [m], the brakes are put on within this distance
 LAG_ALLOWED = 0.02  # [m], behind schedule before the schedule waits
 LAG_WAITING = 0.10  # [m], more than that: it stands
-FRONT_SLIP = 2.0  # of the slip at which a tyre slides, allowed at the front:
+FRONT_SLIP = 1.5  # of the slip at which a tyre slides, allowed at the front:
 # more gives no more force, but the servo needs a little to get there in time
 LEAST_BRAKING_SHARE = 0.3  # of the friction that braking may take in a bend however hard the bend
 
@@ -117,8 +117,8 @@ class TrajectorySource(LeafSystem):  # type: ignore[misc]
     """Where the vehicle should be: a point of the path beside it, and the schedule along the path.
 
     The schedule runs in real time while the vehicle is less than `LAG_ALLOWED` behind it and slows down
-    beyond: a plan at its limits leaves nothing to catch up with. The discrete state is (schedule time [s] since
-    the first row, arc length [m] beside the vehicle), updated every `CONTROL_PERIOD`.
+    beyond: a plan at its limits leaves nothing to catch up with. The discrete state is (schedule time [s]
+    since the first row, arc length [m] beside the vehicle), updated every `CONTROL_PERIOD`.
 
     Input port
         `state` (7): `State` of the vehicle.
@@ -132,7 +132,7 @@ class TrajectorySource(LeafSystem):  # type: ignore[misc]
         rows = (trajectory.arc_length, trajectory.x, trajectory.y, trajectory.heading, trajectory.curvature)
         self._rows = _Row(*(column[moving].tolist() for column in rows))
         self._length = trajectory.length
-        self._travel_time = trajectory.travel_time
+        self._duration = wanted.duration
         self._period = wanted.period
         self._schedule = tuple(c.tolist() for c in (wanted.arc_length, wanted.speed, wanted.force))
         self.DeclareDiscreteState(2)
@@ -178,7 +178,7 @@ class TrajectorySource(LeafSystem):  # type: ignore[misc]
         along = (state[0] - x) * math.cos(course) + (state[1] - y) * math.sin(course)  # beyond either end
         lag = position - s - along
         pace = self._pace(lag)
-        ended = time >= self._travel_time - 1e-9
+        ended = time >= self._duration - 1e-9
         output.SetFromVector(
             Target(
                 x,
@@ -203,7 +203,7 @@ class TrajectorySource(LeafSystem):  # type: ignore[misc]
     def _advance(self, context: Context, values: DiscreteValues) -> None:
         time = float(context.get_discrete_state_vector().GetAtIndex(0))
         target = Target(*self.get_output_port().Eval(context).tolist())
-        time = min(time + self._pace(target.lag) * CONTROL_PERIOD, self._travel_time)
+        time = min(time + self._pace(target.lag) * CONTROL_PERIOD, self._duration)
         values.get_mutable_vector().SetFromVector([time, target.arc_length])
 
 
@@ -272,15 +272,19 @@ class TrackingController(LeafSystem):  # type: ignore[misc]
 
     def _force(self, state: State, target: Target) -> float:
         body = self._body
-        speed = state.longitudinal_velocity / math.cos(
-            math.atan2(state.lateral_velocity, max(abs(state.longitudinal_velocity), 0.05))
-        )
+        speed = math.hypot(state.longitudinal_velocity, state.lateral_velocity)
+        speed = math.copysign(speed, state.longitudinal_velocity)
         if self._rest_end and target.ended and target.lag < AT_GOAL:
             force = -body.mass * STOPPING_GAIN * speed
         else:
             pull = POSITION_GAIN * target.lag + SPEED_GAIN * (target.speed - speed)
             # no faster than planned for this place, however late: the plan may be at its limits
-            cap = target.path_force + body.mass * SPEED_GAIN * (target.path_speed - speed)
+            feed = target.path_force
+            if (
+                feed < 0.0
+            ):  # dv/dt = (dv/ds) v: a slower vehicle needs less braking to stay on v(s), none at rest
+                feed *= min(max(speed, 0.0) / max(target.path_speed, 1e-3), 1.0)
+            cap = feed + body.mass * SPEED_GAIN * (target.path_speed - speed)
             force = min(target.force + body.mass * pull, cap)
         # friction left by the bend; some is always left to braking, or too fast would stay too fast
         whole = body.friction * body.mass * GRAVITY
