@@ -235,7 +235,8 @@ def _restrict(whole: VoronoiDiagram, radius: float) -> VoronoiDiagram:
     low, high = curves.span.T  # increasing in a complete diagram
     is_linear = curves.kind == LINEAR
     slope = np.where(is_linear & (curves.slope != 0.0), curves.slope, 1.0)
-    cross = np.clip((radius - curves.size) / slope, low, high)
+    with np.errstate(over="ignore"):
+        cross = np.clip((radius - curves.size) / slope, low, high)
     before = ~is_linear & (reach > 0.0)  # a curve that dips below the radius: a part on either side
     first_end = np.where(before, np.minimum(high, -reach), high)
     first_end = np.where(is_linear & (curves.slope < 0.0) & ~fits[whole.ends[:, 1]], cross, first_end)

@@ -52,7 +52,9 @@ def _slow_part(curves: Curves, span: Array, cap: float) -> Array:
     """Where the distance is below `cap`: one increasing interval (n, 2) each, as distance is convex."""
     low, high = span.T
     is_linear = curves.kind == LINEAR
-    cross = np.clip((cap - curves.size) / np.where(curves.slope != 0.0, curves.slope, 1.0), low, high)
+    with np.errstate(over="ignore"):
+        meets = (cap - curves.size) / np.where(curves.slope != 0.0, curves.slope, 1.0)
+    cross = np.clip(meets, low, high)
     begin = np.where(curves.slope < 0.0, cross, low)
     end = np.where(curves.slope > 0.0, cross, high)
     end = np.where((curves.slope == 0.0) & (curves.size >= cap), begin, end)

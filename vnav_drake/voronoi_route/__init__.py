@@ -18,7 +18,7 @@ from vnav_drake.problem import PlanningError, Problem
 from vnav_drake.speed_profile import fastest_profile
 from vnav_drake.voronoi import VoronoiDiagram, build_diagram, travel_time
 from vnav_drake.voronoi_route.ends import end_cost_bound, time_with_ends
-from vnav_drake.voronoi_route.legs import straight_leg
+from vnav_drake.voronoi_route.legs import NEAR, straight_leg
 from vnav_drake.voronoi_route.network import Network, build_network, no_path
 from vnav_drake.voronoi_route.realise import route_path
 from vnav_drake.voronoi_route.search import Route, fastest_route, routes
@@ -55,35 +55,31 @@ def plan_voronoi_route(problem: Problem, diagram: VoronoiDiagram | None = None) 
     NoPathError : the robot does not fit through; the message names the widest way.
     """
     begin = time.perf_counter()
-    if np.array_equal(problem.start.point, problem.goal.point):
+    if np.hypot(*(problem.goal.point - problem.start.point)) <= NEAR:
         raise PlanningError("start and goal are the same point: there is no way to plan")
     if diagram is None:
         diagram = build_diagram(problem.world, problem.robot.radius)
     level = problem.robot.radius + problem.braking.margin
     network = build_network(problem, diagram, level)
-    choice = _choose(problem, network)
-    direct = _direct_route(problem, diagram, level)
-    straight_time = np.inf if direct is None else time_with_ends(problem, direct.curves)
-    if choice is None and not np.isfinite(straight_time):
+    along, direct = _along_arcs(problem, network), _straight(problem, diagram, level)
+    choices = [choice for choice in (along, direct) if choice is not None]
+    if not choices:
         raise no_path(problem, diagram, network, level)
-    is_direct = choice is None or straight_time < choice.exact_time
-    best = direct if choice is None or (direct is not None and is_direct) else choice.route
-    assert best is not None
-    path = _path(problem, best)
+    best = min(choices, key=lambda choice: choice.exact_time)
+    path = _path(problem, best.route)
     trajectory = fastest_profile(problem, path, model="variational", ends="problem")
     part = diagram.restricted(level)
     return Plan(
         method="voronoi_route",
         model="variational",
         trajectory=trajectory,
-        path=path,
         details={
-            "exact_time": straight_time if choice is None else min(straight_time, choice.exact_time),
+            "exact_time": best.exact_time,
             "compute_time": time.perf_counter() - begin,
             "arcs": len(part.arcs),
             "nodes": len(part.nodes),
-            "routes_tried": 0 if choice is None else choice.tried,
-            "direct": is_direct,
+            "routes_tried": sum(choice.tried for choice in choices),
+            "direct": best is direct,
             "notes": diagram.notes,
         },
     )
@@ -108,30 +104,34 @@ def k_best_routes(problem: Problem, diagram: VoronoiDiagram | None, k: int) -> l
     return [_path(problem, route) for route in found]
 
 
-def _choose(problem: Problem, network: Network) -> _Choice | None:
+def _along_arcs(problem: Problem, network: Network) -> _Choice | None:
     """The fastest route with the ends' speeds; None when there is no route."""
     if problem.start.fixed_speed is None and problem.goal.fixed_speed is None:
         route = fastest_route(network)
-        return None if route is None or len(route.curves) == 0 else _Choice(route, route.time, 1)
-    best: _Choice | None = None
+        return None if route is None else _Choice(route, route.time, 1)
+    best: tuple[float, Route] | None = None
     tried = 0
     separation = float(np.hypot(*(problem.goal.point - problem.start.point)))
     bound = end_cost_bound(problem, separation)
     for route in itertools.islice(routes(network), MOST_ROUTES):
-        if best is not None and route.time + bound >= best.exact_time:
+        if best is not None and route.time + bound >= best[0]:
             break
         tried += 1
         exact = time_with_ends(problem, route.curves)
-        if best is None or exact < best.exact_time:
-            best = _Choice(route, exact, tried)
-    return None if best is None else _Choice(best.route, best.exact_time, tried)
+        if best is None or exact < best[0]:
+            best = exact, route
+    return None if best is None else _Choice(best[1], best[0], tried)
 
 
-def _direct_route(problem: Problem, diagram: VoronoiDiagram, level: float) -> Route | None:
+def _straight(problem: Problem, diagram: VoronoiDiagram, level: float) -> _Choice | None:
+    """The straight way, where it is free and takes a finite time."""
     leg = straight_leg(diagram, problem.start.point, problem.goal.point, level)
-    if leg is None or len(leg) == 0:
+    if leg is None:
         return None
-    return Route(leg, float(travel_time(leg, problem.braking, problem.robot.radius).sum()))
+    safe = float(travel_time(leg, problem.braking, problem.robot.radius).sum())
+    if not np.isfinite(safe):
+        return None
+    return _Choice(Route(leg, safe), time_with_ends(problem, leg), 1)
 
 
 def _path(problem: Problem, route: Route) -> Path:
