@@ -54,10 +54,8 @@ class Demand:
 
     period: float  # [s]
     duration: float  # [s], of the schedule: the travel time, longer where a bend takes all the friction
-    smoothing: float  # [s], width of the moving average of the curvature
     arc_length: Array  # [m]
     speed: Array  # [m/s], of the centre of mass along the path
-    acceleration: Array  # [m/s^2], tangential
     course: Array  # [rad], direction of travel, unwrapped
     heading: Array  # [rad], of the body
     lateral_velocity: Array  # [m/s], in the body's frame
@@ -202,10 +200,8 @@ def _demand(body: Body, trajectory: Trajectory, period: float, width: float) -> 
     return Demand(
         period=period,
         duration=duration,
-        smoothing=width,
         arc_length=s,
         speed=v,
-        acceleration=a,
         course=course,
         heading=course - beta,
         lateral_velocity=v * np.sin(beta),

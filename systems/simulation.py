@@ -113,6 +113,9 @@ def simulate(
         )
     if len(trajectory.t) < 2 or not trajectory.travel_time > 0.0:
         raise ValueError(f"trajectory: {len(trajectory.t)} rows: must have at least two and take time")
+    for name in ("t", "x", "y", "heading", "v", "a", "curvature"):
+        if not np.isfinite(getattr(trajectory, name)).all():
+            raise ValueError(f"trajectory: column {name}: must be finite")
     began = time.perf_counter()
     try:
         loop = tracking_diagram(robot, trajectory)

@@ -291,6 +291,14 @@ def test_step_outside_its_range_is_refused(curve, step):
         simulate(ROBOT, curve, step=step)
 
 
+def test_trajectory_that_is_none_is_refused(curve):
+    with pytest.raises(ValueError, match="column x"):
+        simulate(ROBOT, replace(curve, x=np.append(curve.x[:-1], math.nan)))
+    columns = ("t", "x", "y", "heading", "v", "a", "curvature", "clearance")
+    with pytest.raises(ValueError, match="at least two"):
+        simulate(ROBOT, Trajectory(*(getattr(curve, name)[:1] for name in columns)))
+
+
 def test_diagram_names_its_parts(curve):
     source = diagram_graphviz(ROBOT, curve)
     for name in ("trajectory", "tracking", "single_track", "log"):
