@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -33,11 +32,6 @@ class SimulatedRun:
     y: Array  # (m,) [m]
     heading: Array  # (m,) [rad]
     v: Array  # (m,) [m/s]
-
-    @cached_property
-    def arc_length(self) -> Array:
-        """(m,) [m], from the first row."""
-        return np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self.x), np.diff(self.y)))])
 
 
 @dataclass(frozen=True, kw_only=True)

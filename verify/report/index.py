@@ -11,6 +11,7 @@ from urllib.parse import quote
 from verify.report import story
 from verify.report.html import render, write_whole
 from verify.report.numbers import metres, number_in, percent, seconds
+from verify.report.wording import VERDICTS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,12 +48,12 @@ def _row(name: str, result: Mapping[str, Any]) -> IndexRow:
     times, plan = story.travel_times(result), story.executed_plan(result)
     time, optimum = times.get(plan), times.get("collocation")
     gates = story.gate_rows(result)
-    passed = sum(row.status == story.PASSED for row in gates)
-    waiting = sum(row.status == story.NOT_EVALUATED for row in gates)
+    statuses = (story.FAILED, story.PASSED, story.NOT_EVALUATED)
+    counts = {status: sum(row.status == status for row in gates) for status in statuses}
     return IndexRow(
         name=name,
         link=f"./{quote(name, safe='')}/report.html",
-        headline=story.headline(result),
+        headline=VERDICTS.get(story.verdict(result), ("No verdict", ""))[0],
         standing=story.standing(result),
         travel_time=seconds(time),
         length=metres(number_in(result, "plans", plan, "length")),
@@ -61,5 +62,5 @@ def _row(name: str, result: Mapping[str, Any]) -> IndexRow:
         lower_bound=seconds(times.get("lower_bound")),
         gap=percent(number_in(result, "gaps", "certified")),
         simulated=seconds(times.get("simulation")),
-        gates=f"{passed} of {len(gates)} hold" + (f", {waiting} not evaluated" if waiting else ""),
+        gates=", ".join(f"{number} {word}" for word, number in counts.items() if number) or "none",
     )

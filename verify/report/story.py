@@ -20,6 +20,7 @@ from verify.report.numbers import (
     with_unit,
 )
 from verify.report.palette import METHODS, Method, method
+from verify.report.text import label
 from verify.report.wording import CHECKS, GAPS, GATES, VERDICTS, GateWords
 
 Result = Mapping[str, Any]
@@ -27,6 +28,7 @@ Result = Mapping[str, Any]
 PASSED, FAILED, NOT_EVALUATED = "passed", "failed", "not evaluated"
 NOT_PROMISED = "not promised"  # failed, but by a plan whose model does not know this limit
 MARKS = {PASSED: "✓", FAILED: "✗", NOT_EVALUATED: "–", NOT_PROMISED: "○"}
+LONGEST_UNIT = 10  # characters
 _ORDER = {FAILED: 0, NOT_EVALUATED: 1, NOT_PROMISED: 2, PASSED: 3}
 PROMISES = (
     "boundary",
@@ -174,7 +176,7 @@ def _check_row(check: Mapping[str, Any], status: str) -> CheckRow:
         title=CHECKS.get(name, name.replace("_", " ")),
         trajectory=words(check.get("trajectory")),
         status=status if status in (PASSED, FAILED, NOT_PROMISED) else NOT_EVALUATED,
-        worst=with_unit(number_in(check, "worst"), words(check.get("unit"))),
+        worst=with_unit(number_in(check, "worst"), label(words(check.get("unit")), LONGEST_UNIT)),
         where=_where(check.get("at")),
         message=words(check.get("message")).removesuffix(" (not promised by the variational model)"),
     )
