@@ -18,7 +18,7 @@ from result_folder import CHANGES, contents, copy_to, outcome
 from verify import evidence, pipeline
 from verify.judge import judge
 from verify.pipeline import plain, run_scenario, seed_path
-from verify.recheck import refusals
+from verify.recheck import recheck
 from vnav_drake.problem import PlanningError
 from vnav_drake.scenario import ScenarioError
 from vnav_drake.voronoi_route import plan_voronoi_route
@@ -108,7 +108,7 @@ def test_without_collocation_the_rest_is_judged_and_reported(tmp_path, monkeypat
     assert "simulation" not in result.result
     assert not (result.report.parent / "trajectory.csv").exists()
     assert "no geometry was found" in result.report.read_text()
-    assert refusals(result.report.parent) == ()
+    assert recheck(result.report.parent)[0] == ()
 
 
 def test_without_simulation_nothing_passes_unseen(tmp_path, monkeypatch):

@@ -15,7 +15,7 @@ from result_folder import copy_to, outcome
 from verify import evidence
 from verify.__main__ import main
 from verify.judge import judge
-from verify.recheck import refusals
+from verify.recheck import recheck
 
 REFINED = "trajectories/refined.csv"
 
@@ -72,7 +72,7 @@ def test_the_result_as_written_is_believed_and_passed(folder, capsys):
     code, text = check(folder, capsys)
     assert code == 0
     assert text.startswith("around_a_point: refined")
-    assert refusals(folder) == ()
+    assert recheck(folder)[0] == ()
 
 
 def move_point(rows: np.ndarray) -> np.ndarray:
@@ -325,4 +325,4 @@ def test_what_is_no_result_folder_is_bad_input(tmp_path, capsys, place):
 
 
 def test_the_fixture_folder_is_untouched():
-    assert refusals(outcome().report.parent) == ()
+    assert recheck(outcome().report.parent)[0] == ()

@@ -39,10 +39,13 @@ def run(arguments: Sequence[str]) -> int:
             _complain(f"'{name}' is reserved for a later version (a file of that name is given as ./{name})")
             return BAD_INPUT
         if name in commands:
-            return commands[name](arguments[1:])
-        from verify.batch import run_files
+            code = commands[name](arguments[1:])
+        else:
+            from verify.batch import run_files
 
-        return run_files(_options(arguments))
+            code = run_files(_options(arguments))
+        sys.stdout.flush()  # so that a reader that has gone away is noticed here
+        return code
     except OutputError as error:
         _complain(str(error))
         return BAD_INPUT
