@@ -5,29 +5,31 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
 import numpy as np
 
-from systems import SimulationError, SimulationRun, simulate
+from systems import SimulationError, SimulationRun
 from verify import evidence
 from verify.atomic import ResultFolder
+from verify.execution import execute
 from verify.interruption import Interruption
 from verify.judge import Judgement, judge
 from verify.report import ReportExtras, write_report
 from verify.versions import versions
-from vnav_drake.collocation import plan_full, plan_variational
-from vnav_drake.plan import Path, Plan, Trajectory
-from vnav_drake.problem import NoPathError, PlanningError
+from vnav_drake.collocation import Seed, plan_full, plan_variational
+from vnav_drake.plan import Plan
+from vnav_drake.problem import NoPathError, PlanningError, Problem
 from vnav_drake.scenario import Scenario
 from vnav_drake.voronoi import VoronoiDiagram, build_diagram
-from vnav_drake.voronoi_route import plan_voronoi_route
+from vnav_drake.voronoi_route import k_best_routes, plan_voronoi_route
 
 T = TypeVar("T")
 Say = Callable[[str], None]  # is told what is being done
 
+SAME_LENGTH = 1e-6  # [m]: routes no further apart in length are one
 # Facts about a plan that the judge states, so the method's own word for them is not needed.
 _JUDGED = frozenset({"travel_time", "length", "model", "feasible", "violations", "unpromised"})
 
@@ -114,23 +116,22 @@ def run_scenario(
     )
 
 
-def seed_path(plan: Plan) -> Path:
-    """The geometry of a plan, to start another method from."""
-    if plan.path is not None:
-        return plan.path
-    return _trajectory_path(plan.trajectory)
+def _seeds(problem: Problem, diagram: VoronoiDiagram, route: Plan, most: int) -> list[Seed]:
+    """The route, then the other fastest ones along Voronoi arcs."""
+    assert route.path is not None
+    seeds = [Seed(route.path, route.method)]
+    for path in k_best_routes(problem, diagram, most):
+        if all(abs(path.length - seed.path.length) > SAME_LENGTH for seed in seeds):
+            seeds.append(Seed(path, route.method))
+    return seeds[:most]
 
 
-def _trajectory_path(motion: Trajectory) -> Path:
-    step = np.diff(motion.arc_length)
-    kept = np.flatnonzero(step > 0.0)
-    return Path(
-        np.append(motion.x[kept], motion.x[-1]),
-        np.append(motion.y[kept], motion.y[-1]),
-        motion.heading[kept],
-        motion.curvature[kept],
-        step[kept],
-    )
+def _with_times(seeds: list[Seed], plan: Plan) -> list[Seed]:
+    """The variational optimum first, then the seeds with what they led to."""
+    assert plan.path is not None
+    rows = plan.details["seeds"] or [{}]
+    known = [replace(seed, travel_time=row.get("travel_time")) for seed, row in zip(seeds, rows, strict=True)]
+    return [Seed(plan.path, plan.method), *known]
 
 
 def _run_stages(scenario: Scenario, say: Say, interruption: Interruption) -> _Progress:
@@ -169,24 +170,27 @@ def _run_stages(scenario: Scenario, say: Say, interruption: Interruption) -> _Pr
         skip("voronoi_route", "the Voronoi diagram")
     else:
         route = keep(stage("voronoi_route", lambda: plan_voronoi_route(problem, diagram)))
-    if route is None:
+    if diagram is None or route is None:
         skip("collocation", "a seed")
         skip("refined", "a seed")
     else:
-        first = seed_path(route)
+        seeds = _seeds(problem, diagram, route, scenario.plan.homotopy_classes)
         best = keep(
             stage(
                 "collocation",
-                lambda: plan_variational(problem, first, effort=effort, progress=told("collocation")),
+                lambda: plan_variational(problem, seeds, effort=effort, progress=told("collocation")),
             )
         )
-        seed = first if best is None else seed_path(best)
-        keep(stage("refined", lambda: plan_full(problem, seed, effort=effort, progress=told("refined"))))
+        starts = seeds if best is None else _with_times(seeds, best)
+        keep(stage("refined", lambda: plan_full(problem, starts, effort=effort, progress=told("refined"))))
     refined = done.plans.get("refined")
     if refined is None:
         skip("simulation", "a refined trajectory")
     else:
-        done.run = stage("simulation", lambda: simulate(problem.robot, refined.trajectory))
+        execution = stage("simulation", lambda: execute(scenario, refined))
+        if execution is not None:
+            keep(execution.plan)
+            done.run = execution.run
     return done
 
 

@@ -73,6 +73,7 @@ def plan_voronoi_route(problem: Problem, diagram: VoronoiDiagram | None = None) 
         method="voronoi_route",
         model="variational",
         trajectory=trajectory,
+        path=path,
         details={
             "exact_time": best.exact_time,
             "compute_time": time.perf_counter() - begin,
