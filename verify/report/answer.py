@@ -76,10 +76,14 @@ def _broken_by_variational(result: Result) -> str:
     return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
+def _bound(length: float) -> str:
+    return with_unit(length, "m").removeprefix("<\u00a0")
+
+
 def _simulated(result: Result) -> list[str]:
     time = number_in(result, "simulation", "travel_time")
     error = number_in(result, "simulation", "max_tracking_error")
     if time is None:
         return []
     text = f"In simulation the vehicle took {seconds(time)}"
-    return [text + (f" and stayed within {with_unit(error, 'm')} of the plan." if error is not None else ".")]
+    return [text + (f" and stayed within {_bound(error)} of the plan." if error is not None else ".")]

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from verify.report.curves import Curve, label_curves
 from verify.report.evidence import SimulatedRun
 from verify.report.figures_map import draw_world, map_height
-from verify.report.numbers import with_unit
+from verify.report.numbers import significant, with_unit
 from verify.report.palette import INK, MUTED, method
 from verify.report.series import Tracking, thinned, thinned_path, tracking
 from verify.report.svg import PANEL, Picture, drawing_style, new_axes, to_svg
@@ -57,7 +57,8 @@ def draw_tracking(data: TrackingData) -> Sequence[Picture]:
 def _error(key: str, title: str, t: np.ndarray, value: np.ndarray, side: str, unit: str) -> Picture:
     look, scaled = method("simulation"), 1000.0 * value
     worst = int(np.argmax(np.abs(scaled)))
-    size = with_unit(abs(float(value[worst])), "m/s" if unit == "mm/s" else "m")
+    largest = abs(float(value[worst]))
+    size = f"{significant(1000.0 * largest)}\u00a0mm/s" if unit == "mm/s" else with_unit(largest, "m")
     spoken = f"Largest {size} at {t[worst]:.2f} s; positive is {side}."
     figure, axes = new_axes(PANEL, 220, x="time [s]", y=f"error [{unit}]")
     axes.axhline(0.0, color=MUTED.light, lw=1.0)
