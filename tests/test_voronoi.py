@@ -281,6 +281,22 @@ def test_polylines_lie_on_the_arcs_and_respect_the_spacing():
         assert line[[0, -1]] == pytest.approx(built.nodes[built.ends[arc]], abs=PLACE)
 
 
+@pytest.mark.parametrize("foot", [2.125, 2.0625, 2.03])
+def test_edges_that_are_straight_up_to_rounding_inside_an_obstacle(foot: float):
+    # Two walls end in a polygon and cut its side into three; rounding bends it by 1e-9 m over 1e-5 m, so
+    # that inside the polygon the borders' geometry is noise, which must not reach the free side.
+    star = (
+        (1.0, 6.4),
+        (1.4362354011056992, 6.1740644837316),
+        (2.197605442609428, 5.418547771334483),
+        (3.0, 7.0),
+    )
+    tip = (2.0, 5.61672130016084)
+    walls = [Obstacle((tip, (1.5, 2.0))), Obstacle((tip, (1.5, foot)))]
+    built = build_diagram(World.build(SQUARE, [Obstacle(star), *walls]))
+    assert built.notes == ()
+
+
 def _moved_node(built: VoronoiDiagram) -> VoronoiDiagram:
     nodes = built.nodes.copy()
     nodes[np.argmax(built.node_distance)] += [1e-5, 0.0]

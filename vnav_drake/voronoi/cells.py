@@ -15,7 +15,7 @@ Indices = NDArray[np.int64]
 def cell_of(world: World, points: ArrayLike) -> Indices:
     """Proximity cells (see `VoronoiDiagram`) that contain points (..., 2) [m]; shape (...)."""
     p = np.asarray(points, dtype=float)
-    _, foot, index = world.nearest(p)
+    _, _, index = world.nearest(p)
     edges = len(world.edges)
     is_edge = index < edges
     if edges == 0:
@@ -25,8 +25,8 @@ def cell_of(world: World, points: ArrayLike) -> Indices:
     along = b - a
     side = along[..., 0] * (p - a)[..., 1] - along[..., 1] * (p - a)[..., 0] < 0.0
     cell = 2 * index + side
-    cell = np.where((foot == a).all(axis=-1), 2 * edges + edge[..., 0], cell)
-    cell = np.where((foot == b).all(axis=-1), 2 * edges + edge[..., 1], cell)
+    cell = np.where(np.sum((p - a) * along, axis=-1) <= 0.0, 2 * edges + edge[..., 0], cell)
+    cell = np.where(np.sum((p - b) * along, axis=-1) >= 0.0, 2 * edges + edge[..., 1], cell)
     if len(world.isolated):
         lone = world.isolated[np.clip(index - edges, 0, len(world.isolated) - 1)]
         cell = np.where(is_edge, cell, 2 * edges + lone)

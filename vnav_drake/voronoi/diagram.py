@@ -12,7 +12,7 @@ from vnav_drake.problem import PlanningError
 from vnav_drake.voronoi import curves as shapes
 from vnav_drake.voronoi.boost import boost_topology
 from vnav_drake.voronoi.cells import cell_of, foot_coordinate
-from vnav_drake.voronoi.check import DiagramError, verify_diagram
+from vnav_drake.voronoi.check import EQUIDISTANCE, DiagramError, verify_diagram
 from vnav_drake.voronoi.curves import LINEAR, Curves
 from vnav_drake.voronoi.nodes import Borders, exact_borders
 from vnav_drake.voronoi.times import level_parameter
@@ -174,7 +174,11 @@ def _complete(world: World, borders: Borders, notes: tuple[str, ...]) -> Voronoi
     ends[touching] = len(borders.nodes) + np.arange(int(touching.sum()))
     nodes = np.concatenate([borders.nodes, borders.nodes[borders.ends[touching]]])
     distance = np.concatenate([borders.distance, np.zeros(int(touching.sum()))])
-    middle = curves.points(curves.middle)
+    # Inside an obstacle, walls that are straight up to rounding can send a border to the other side.
+    chord = borders.rough[borders.ends]
+    gap = curves.ends - chord
+    sound = np.hypot(gap[..., 0], gap[..., 1]).max(axis=1) <= EQUIDISTANCE * world.diameter
+    middle = np.where(sound[:, None], curves.points(curves.middle), chord.mean(axis=1))
     on_floor = world.is_floor(middle)
     cells = _cells(world, borders.sites[on_floor], middle[on_floor])
     used, index = np.unique(ends[on_floor], return_inverse=True)

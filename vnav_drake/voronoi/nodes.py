@@ -27,6 +27,7 @@ class Borders:
     """Borders between proximity cells as a graph with exact nodes."""
 
     nodes: Array  # (k, 2) [m]
+    rough: Array  # (k, 2) [m], as Boost placed them
     distance: Array  # (k,) [m], to the nearest feature
     ends: Indices  # (m, 2)
     sites: Indices  # (m, 2), left and right
@@ -40,16 +41,18 @@ def exact_borders(world: World, topology: Topology, slack: int = 0) -> Borders:
     """
     merge, snap = (MERGE + 4 * slack) * topology.unit, (SNAP + 4 * slack) * topology.unit
     nodes, ends, sites = topology.vertices, topology.ends, topology.sites
-    distance = np.zeros(len(nodes))
+    rough, distance = nodes, np.zeros(len(nodes))
     for _round in range(4):
         nodes, distance = _equidistant(world, nodes, ends, sites, snap)
         length = np.hypot(*(nodes[ends[:, 0]] - nodes[ends[:, 1]]).T)
         short = length <= merge
         if not short.any():
             break
-        nodes, ends, sites = _merged(world, nodes, ends, sites, short, snap)
+        nodes, rough, ends, sites = _merged(world, nodes, rough, ends, sites, short, snap)
     ends, sites = _without_empty_cells(ends, sites, is_secondary(world, sites))
-    return _split_at_wall_ends(world, nodes, distance, ends, sites, merge)
+    return _split_at_wall_ends(
+        world, Borders(nodes, rough, distance, ends, sites, is_secondary(world, sites)), merge
+    )
 
 
 def is_secondary(world: World, sites: Indices) -> NDArray[np.bool_]:
@@ -164,20 +167,28 @@ def _own_pairs(world: World, ends: Indices, sites: Indices) -> Indices:
 
 
 def _merged(
-    world: World, nodes: Array, ends: Indices, sites: Indices, short: NDArray[np.bool_], snap: float
-) -> tuple[Array, Indices, Indices]:
+    world: World,
+    nodes: Array,
+    rough: Array,
+    ends: Indices,
+    sites: Indices,
+    short: NDArray[np.bool_],
+    snap: float,
+) -> tuple[Array, Array, Indices, Indices]:
+    """Nodes joined by short borders become one: positions (twice), ends and sites of what remains."""
     count = len(nodes)
     link = coo_array((np.ones(int(short.sum())), (ends[short, 0], ends[short, 1])), shape=(count, count))
     groups, label = connected_components(link, directed=False)
     size = np.bincount(label, minlength=groups)
-    middle = np.column_stack(
-        [np.bincount(label, weights=nodes[:, k], minlength=groups) / size for k in (0, 1)]
+    middle, rough = (
+        np.column_stack([np.bincount(label, weights=x[:, k], minlength=groups) / size for k in (0, 1)])
+        for x in (nodes, rough)
     )
     gap, nearest = cKDTree(world.vertices).query(middle)
     middle = np.where((gap <= snap)[:, None], world.vertices[nearest], middle)
     ends = label[ends]
     keep = ends[:, 0] != ends[:, 1]
-    return middle, ends[keep], sites[keep]
+    return middle, rough, ends[keep], sites[keep]
 
 
 def _without_empty_cells(
@@ -206,13 +217,10 @@ def _without_empty_cells(
     return order[keep], facing[keep]
 
 
-def _split_at_wall_ends(
-    world: World, nodes: Array, distance: Array, ends: Indices, sites: Indices, merge: float
-) -> Borders:
+def _split_at_wall_ends(world: World, borders: Borders, merge: float) -> Borders:
     """Cut borders that run through the vertex they belong to, from one side of a free wall to the other."""
-    edge_count = len(world.edges)
-    secondary = is_secondary(world, sites)
-    vertex = sites.max(axis=1) - edge_count
+    nodes, ends, sites, secondary = borders.nodes, borders.ends, borders.sites, borders.secondary
+    vertex = sites.max(axis=1) - len(world.edges)
     point = world.vertices[np.maximum(vertex, 0)]
     a, b = nodes[ends[:, 0]] - point, nodes[ends[:, 1]] - point
     through = secondary & (vertex >= 0) & (np.einsum("ij,ij->i", a, b) < 0.0)
@@ -224,7 +232,8 @@ def _split_at_wall_ends(
     ends[rows, 1] = middle
     return Borders(
         np.concatenate([nodes, point[rows]]),
-        np.concatenate([distance, np.zeros(len(rows))]),
+        np.concatenate([borders.rough, point[rows]]),
+        np.concatenate([borders.distance, np.zeros(len(rows))]),
         np.concatenate([ends, second]),
         np.concatenate([sites, sites[rows]]),
         np.concatenate([secondary, secondary[rows]]),
