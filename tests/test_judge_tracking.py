@@ -92,8 +92,8 @@ def test_a_record_with_a_hole_or_a_jump_is_failed():
     assert "jumps" in run(plan(), jump).check.message
 
 
-def test_arrival_at_rest_is_the_time_of_coming_within_a_millimetre():
-    # Braking at 1 m/s^2 to rest: 1 mm before the end is sqrt(2 * 0.001) s before it.
+def test_arrival_at_rest_is_the_time_of_coming_within_ten_micrometres():
+    # Braking at 1 m/s^2 to rest: 10 um before the end is sqrt(2 * 1e-5) = 4.5 ms before it.
     where = setting(goal={"speed": "rest"})
     motion = arcs_motion((5.0, 2.0), 0.0, [(29.5, 0.0), (0.5, 0.0)], [1.0, 1.0, 0.0], where)
     driven = record(motion, 0.001)
@@ -106,7 +106,7 @@ def test_arrival_at_rest_is_the_time_of_coming_within_a_millimetre():
         ),
     )
     result = run(motion, still)
-    assert result.figures["travel_time"] == pytest.approx(motion.travel_time - math.sqrt(0.002), abs=2e-3)
+    assert result.figures["travel_time"] == pytest.approx(motion.travel_time - math.sqrt(2e-5), abs=1.1e-3)
     assert result.check.status == "passed"
 
 
