@@ -23,7 +23,7 @@ CHANGES = {
     "start": {"position": [2.0, 3.0], "speed": "rest"},
     "goal": {"position": [10.0, 3.0], "speed": "rest"},
     "plan": {"effort": "quick"},
-    "gates": {"refinement_gap": 0.1},  # E is only a bound on what the ends cost; the way is short here
+    "gates": {"refinement_gap": 0.5},  # the way is short: full speed is never reached, E is far from tight
 }
 
 

@@ -67,7 +67,7 @@ def test_a_failing_gate_exits_1_and_is_printed_and_rechecked_with_its_limit(tmp_
 
 
 def test_a_gate_the_scenario_names_without_a_stage_exits_3(tmp_path, capsys):
-    gates = {"certified_gap": 0.03, "refinement_gap": 0.1}
+    gates = {"certified_gap": 0.03, "refinement_gap": 0.5}
     assert main([str(write(tmp_path, gates=gates)), "--out", str(tmp_path / "out")]) == 3
     assert "gate certified_gap: not evaluated" in capsys.readouterr().out
 

@@ -8,6 +8,7 @@ import resource
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,9 @@ import pytest
 from judged import scenario, scenario_bytes
 from result_folder import CHANGES, contents, copy_to, outcome
 
-from verify import evidence, pipeline
+from verify import evidence, execution, pipeline
 from verify.judge import judge
-from verify.pipeline import plain, run_scenario, seed_path
+from verify.pipeline import plain, run_scenario
 from verify.recheck import recheck
 from vnav_drake.problem import PlanningError
 from vnav_drake.scenario import ScenarioError
@@ -76,21 +77,15 @@ def test_the_verdict_is_a_pure_function_of_the_folder(tmp_path):
     assert again.as_result() == outcome().judgement.as_result()
 
 
-def test_a_seed_from_rows_has_the_length_of_the_motion():
-    plan = plan_voronoi_route(scenario(**CHANGES).problem)
-    path = seed_path(plan)
-    assert path.length == pytest.approx(plan.length, rel=1e-12)
-    assert (path.piece_length > 0.0).all()
-
-
 def run_with(monkeypatch: pytest.MonkeyPatch, out: Path, **broken: Exception) -> pipeline.Outcome:
     """A real run in which the named stages raise instead of finishing."""
     for name, error in broken.items():
+        module = execution if name == "simulate" else pipeline
 
         def fail(*_: object, error: Exception = error, **__: object) -> None:
             raise error
 
-        monkeypatch.setattr(pipeline, name, fail)
+        monkeypatch.setattr(module, name, fail)
     return run_scenario(scenario(**CHANGES), out)
 
 
@@ -127,6 +122,11 @@ def test_without_a_variational_plan_the_full_one_starts_from_the_route(tmp_path,
     assert {"voronoi_route", "refined"} <= set(result.result["plans"])
     gate = next(gate for gate in result.judgement.gates if gate.name == "refinement_gap")
     assert gate.passed is None
+
+
+def test_a_plan_without_a_path_is_a_stage_that_cannot_finish():
+    with pytest.raises(PlanningError, match="gave no path"):
+        pipeline._path_of(replace(plan_voronoi_route(scenario(**CHANGES).problem), path=None))
 
 
 def test_no_path_is_bad_input_and_touches_nothing(tmp_path):
@@ -180,6 +180,21 @@ def test_an_interrupted_run_leaves_the_earlier_result(tmp_path, number, into):
     assert "Traceback" not in err
     assert contents(tmp_path) == before
     assert [path.name for path in tmp_path.iterdir()] == ["warehouse"]
+
+
+def test_two_runs_at_once_leave_one_whole_result(tmp_path):
+    file = tmp_path / "around.yaml"
+    file.write_bytes(scenario_bytes(**CHANGES))
+    out = tmp_path / "out"
+    runs = [
+        subprocess.Popen(command(str(file), "--out", str(out)), stdout=subprocess.PIPE, env=environment())
+        for _ in range(2)
+    ]
+    for run in runs:
+        run.communicate(timeout=120)
+    assert [run.returncode for run in runs] == [0, 0]
+    assert recheck(out / "around_a_point")[0] == ()
+    assert sorted(path.name for path in out.iterdir()) == ["around_a_point", "index.html"]
 
 
 @pytest.mark.parametrize("limit", [10_000, 300_000])  # bytes a file: no trajectory fits, some do

@@ -246,6 +246,7 @@ def test_a_truncated_file_is_refused(folder, capsys, name):
         (b"t,x,y,heading,v,a,curvature,clearance\n1,2,3\n", "values a row"),
         (b"t,x,y,heading,v,a,curvature,clearance\n0,0,0,0,0,0,0,0\n0,0,0,0,0,0,0,nan\n", "not finite"),
         (b"t,x,y,heading,v,a,curvature,clearance\n0,0,0,0,0,0,0,0\n0,0,0,0,0,0,0,1e999\n", "not finite"),
+        (b"t,x,y,heading,v,a,curvature,clearance\n0,0,0,0,0,0,0,0\n0,0,0,0,0,0,0,1e300\n", "absurd"),
         (b"t,x,y,heading,v,a,curvature,clearance\n0,0,0,0,0,0,0,0\n0,0,0,0,0,0,0\n", "malformed"),
         (b"t,x,y,heading,v,a,curvature,clearance\n0,0,0,0,0,0,0,<b>\n0,0,0,0,0,0,0,0\n", "malformed"),
         (b"t,x,y,heading,v,a,curvature,clearance\n0,0,0,0,0,0,0,0\n", "fewer than two rows"),

@@ -26,6 +26,7 @@ TRAJECTORIES = "trajectories"
 EXECUTED = "trajectory.csv"
 SIMULATION = "simulation.csv"
 SCHEMA = 1  # of result.json
+MAX_NUMBER = 1e12  # in any SI unit: far beyond any motion, and its powers do not overflow
 MAX_BYTES = 128 * 1024 * 1024  # of one file: ten times the largest we write
 
 MODEL_OF_PLAN: Mapping[str, str] = {
@@ -59,7 +60,7 @@ def read_bytes(folder: Path, name: str) -> bytes:
 
 
 def read_table(folder: Path, name: str, required: tuple[str, ...], *, exact: bool) -> dict[str, Array]:
-    """Columns (n,) of a CSV file, n >= 2, all finite.
+    """Columns (n,) of a CSV file, n >= 2, all finite and at most `MAX_NUMBER`.
 
     Parameters
     ----------
@@ -92,8 +93,12 @@ def read_table(folder: Path, name: str, required: tuple[str, ...], *, exact: boo
     if len(rows) < 2:
         raise EvidenceError(f"{name}: fewer than two rows")
     bad = ~np.isfinite(rows).all(axis=1)
+    if not bad.any():
+        bad = (np.abs(rows) > MAX_NUMBER).any(axis=1)
     if bad.any():
-        raise EvidenceError(f"{name}: row {int(np.argmax(bad)) + 1} holds a number that is not finite")
+        raise EvidenceError(
+            f"{name}: row {int(np.argmax(bad)) + 1} holds a number that is not finite or absurd"
+        )
     return dict(zip(columns, rows.T, strict=True))
 
 

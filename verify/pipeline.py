@@ -20,7 +20,7 @@ from verify.judge import Judgement, judge
 from verify.report import ReportExtras, write_report
 from verify.versions import versions
 from vnav_drake.collocation import Seed, plan_full, plan_variational
-from vnav_drake.plan import Plan
+from vnav_drake.plan import Path, Plan
 from vnav_drake.problem import NoPathError, PlanningError, Problem
 from vnav_drake.scenario import Scenario
 from vnav_drake.voronoi import VoronoiDiagram, build_diagram
@@ -118,9 +118,12 @@ def run_scenario(
 
 def _seeds(problem: Problem, diagram: VoronoiDiagram, route: Plan, most: int) -> list[Seed]:
     """The route, then the other fastest ones along Voronoi arcs."""
-    assert route.path is not None
-    seeds = [Seed(route.path, route.method)]
-    for path in k_best_routes(problem, diagram, most):
+    seeds = [Seed(_path_of(route), route.method)]
+    try:
+        others = k_best_routes(problem, diagram, most)
+    except NoPathError:  # the route found is the straight way, and the only one
+        others = []
+    for path in others:
         if all(abs(path.length - seed.path.length) > SAME_LENGTH for seed in seeds):
             seeds.append(Seed(path, route.method))
     return seeds[:most]
@@ -128,10 +131,15 @@ def _seeds(problem: Problem, diagram: VoronoiDiagram, route: Plan, most: int) ->
 
 def _with_times(seeds: list[Seed], plan: Plan) -> list[Seed]:
     """The variational optimum first, then the seeds with what they led to."""
-    assert plan.path is not None
     rows = plan.details["seeds"] or [{}]
     known = [replace(seed, travel_time=row.get("travel_time")) for seed, row in zip(seeds, rows, strict=True)]
-    return [Seed(plan.path, plan.method), *known]
+    return [Seed(_path_of(plan), plan.method), *known]
+
+
+def _path_of(plan: Plan) -> Path:
+    if plan.path is None:
+        raise PlanningError(f"{plan.method} gave no path to start from")
+    return plan.path
 
 
 def _run_stages(scenario: Scenario, say: Say, interruption: Interruption) -> _Progress:
@@ -170,19 +178,26 @@ def _run_stages(scenario: Scenario, say: Say, interruption: Interruption) -> _Pr
         skip("voronoi_route", "the Voronoi diagram")
     else:
         route = keep(stage("voronoi_route", lambda: plan_voronoi_route(problem, diagram)))
-    if diagram is None or route is None:
+    seeds = None
+    if diagram is not None and route is not None:
+        most = scenario.plan.homotopy_classes
+        seeds = stage("seeds", lambda: _seeds(problem, diagram, route, most))
+    if seeds is None:
         skip("collocation", "a seed")
         skip("refined", "a seed")
     else:
-        seeds = _seeds(problem, diagram, route, scenario.plan.homotopy_classes)
         best = keep(
             stage(
                 "collocation",
                 lambda: plan_variational(problem, seeds, effort=effort, progress=told("collocation")),
             )
         )
-        starts = seeds if best is None else _with_times(seeds, best)
-        keep(stage("refined", lambda: plan_full(problem, starts, effort=effort, progress=told("refined"))))
+
+        def refine() -> Plan:
+            starts = seeds if best is None else _with_times(seeds, best)
+            return plan_full(problem, starts, effort=effort, progress=told("refined"))
+
+        keep(stage("refined", refine))
     refined = done.plans.get("refined")
     if refined is None:
         skip("simulation", "a refined trajectory")

@@ -250,7 +250,8 @@ def _steering_rate(motion: Motion, rows: NDArray[np.int64], limits: Limits) -> C
     last = np.concatenate([first[1:] - 1, [len(rows) - 1]])
     middle = 0.5 * (motion.t[rows[first]] + motion.t[rows[last] + 1])
     angle = limits.steering_angle(curvature[first])
-    rate = np.abs(np.diff(angle)) / np.diff(middle)
+    apart = np.diff(middle)  # positive unless time runs backwards, which `travel_time` finds
+    rate = np.divide(np.abs(np.diff(angle)), apart, out=np.zeros_like(apart), where=apart > 0.0)
     worst = int(np.argmax(rate)) if rate.size else 0
     value = float(rate[worst]) if rate.size else 0.0
     text = f"steering rate at most {value:.6f} rad/s, limit {limits.steering_rate:.6f} rad/s"

@@ -68,7 +68,7 @@ def finding(
 ) -> Check:
     """A judged check: failed when `-worst / scale` exceeds `tolerance`."""
     violation = max(0.0, -worst / scale)
-    passed = violation <= tolerance
+    passed = worst / scale >= -tolerance  # false also where something is not a number
     return Check(
         name=name,
         trajectory="",
