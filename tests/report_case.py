@@ -96,9 +96,17 @@ def write_folder(folder: FilePath, scenario: Scenario) -> dict[str, Any]:
     x, y, heading, v, *_ = best.at(t)
     lateral = 0.008 * np.sin(2.0 * np.pi * t / 5.0)
     rows = np.column_stack(
-        [t, x - lateral * np.sin(heading), y + lateral * np.cos(heading), heading, v + 0.01 * np.sin(t)]
+        [
+            t,
+            x - lateral * np.sin(heading),
+            y + lateral * np.cos(heading),
+            heading,
+            v + 0.01 * np.sin(t),
+            0 * t,
+        ]
     )
-    np.savetxt(folder / "simulation.csv", rows, delimiter=",", header="t,x,y,heading,v", comments="")
+    columns = "t,x,y,heading,v,lateral_acceleration"
+    np.savetxt(folder / "simulation.csv", rows, delimiter=",", header=columns, comments="")
     facts = {name: {"travel_time": plan.travel_time, "length": plan.length} for name, plan in plans.items()}
     optimum = plans["collocation"].travel_time
     result: dict[str, Any] = {

@@ -26,7 +26,7 @@ def record(motion: Motion, period: float = 0.01) -> Record:
 
 
 def run(motion: Motion, driven: Record) -> Run:
-    return judge_run(driven, motion, (35.0, 2.0), WHERE.surroundings, WHERE.limits.radius)
+    return judge_run(driven, motion, (35.0, 2.0), WHERE.surroundings, WHERE.limits)
 
 
 def test_a_perfect_run_has_no_error():
@@ -78,7 +78,7 @@ def test_a_run_through_an_obstacle_between_two_samples_is_failed():
     # samples 0.09 m apart on both sides of a point 0.499 m beside the path: least distance below the radius
     where = setting(world={"obstacles": [{"vertices": [[20.0, 1.501]]}]})
     motion = plan()
-    result = judge_run(record(motion, 0.09), motion, (35.0, 2.0), where.surroundings, where.limits.radius)
+    result = judge_run(record(motion, 0.09), motion, (35.0, 2.0), where.surroundings, where.limits)
     assert result.figures["min_clearance"] == pytest.approx(-0.001, abs=1e-5)
     assert "collision" in result.check.message
 
@@ -108,6 +108,16 @@ def test_arrival_at_rest_is_the_time_of_coming_within_ten_micrometres():
     result = run(motion, still)
     assert result.figures["travel_time"] == pytest.approx(motion.travel_time - math.sqrt(2e-5), abs=1.1e-3)
     assert result.check.status == "passed"
+
+
+def test_lifting_the_inner_wheels_fails():
+    # g w / (2 h) is where the inner wheels lift; a hair more fails, a hair less does not.
+    driven = record(plan(), 0.01)
+    for share, status in ((0.999, "passed"), (1.001, "failed")):
+        sway = np.full(len(driven.t), -share * WHERE.limits.tip)
+        result = run(plan(), replace(driven, lateral_acceleration=sway))
+        assert result.check.status == status
+    assert "inner wheels lifted" in result.check.message
 
 
 def test_a_vehicle_that_never_moves_is_judged_too():

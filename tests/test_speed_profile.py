@@ -72,6 +72,17 @@ def test_reaction_time_and_margin():
     assert time == pytest.approx(30 / v, rel=1e-5)
 
 
+@pytest.mark.parametrize("reaction_time", [0.05, 0.2, 0.5, 1.0])
+def test_reaction_time_on_a_path_with_kinks_and_changing_clearance(reaction_time):
+    # From the wall to the middle of a corridor and along it: V(d) changes, then is constant.
+    law = UniformBraking(max_braking=1.0, reaction_time=reaction_time)
+    problem = corridor(law=law)
+    path = Path.polyline([(5, 0.6), (5, 2), (35, 2), (35, 3.3)])
+    trajectory = fastest_profile(problem, path, model="variational")
+    x, y, _, v, _, _ = trajectory.at(np.linspace(0, trajectory.travel_time, 20_000))
+    assert np.min(problem.clearance(np.column_stack([x, y])) - law.distance(v)) >= 0
+
+
 def test_circle_at_the_friction_limit():
     # Far from walls, radius 2 m: v^2/R = mu g.
     world = World.build([(-50, -50), (50, -50), (50, 50), (-50, 50)])

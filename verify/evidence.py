@@ -64,7 +64,7 @@ def read_table(folder: Path, name: str, required: tuple[str, ...], *, exact: boo
 
     Parameters
     ----------
-    required : the header's names; with `exact` these and no others, otherwise these come first.
+    required : the header's names; with `exact` these and no others in this order, otherwise others too.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def read_table(folder: Path, name: str, required: tuple[str, ...], *, exact: boo
         raise EvidenceError(f"{name}: not a text file of numbers") from error
     header, _, body = text.partition("\n")
     columns = tuple(header.strip().split(","))
-    if columns[: len(required)] != required or (exact and columns != required):
+    if not set(required) <= set(columns) or (exact and columns != required):
         raise EvidenceError(f"{name}: the columns are {header.strip()[:80]!r}, expected {','.join(required)}")
     if len(set(columns)) < len(columns):
         raise EvidenceError(f"{name}: two columns have the same name")

@@ -28,6 +28,7 @@ LONGEST_ROW = 0.02  # [m]
 SHORTEST_ROW = 2e-4  # [m]
 FIRST_ROW = 0.05  # [m], grid on which the row lengths are chosen
 KINK_TOLERANCE = 1e-9  # [rad]: a smaller jump of the heading is rounding
+ROUNDING = 1e-12  # [m], far below what the slow-down of the whole profile gives back
 REPAIR_ROUNDS = 20  # of the reaction-time term; two are usual
 
 
@@ -66,7 +67,7 @@ def fastest_profile(
     for _ in range(REPAIR_ROUNDS):
         square = _speed_squares(problem, rows, clearance - needed, model, ends)
         excess = _reaction_excess(problem, square, clearance, sag)
-        if np.all(excess <= 0.0):
+        if np.all(excess <= ROUNDING):
             break
         needed = needed + 1.5 * _at_nodes(excess)
     else:

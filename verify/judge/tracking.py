@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from verify.judge.continuous import Need, least_margin
 from verify.judge.finding import Check, Place
 from verify.judge.geometry import Surroundings
+from verify.judge.limits import Limits
 from verify.judge.motion import Motion
 
 Array = NDArray[np.float64]
@@ -36,6 +37,7 @@ class Record:
     y: Array  # (n,) [m]
     heading: Array  # (n,) [rad]
     v: Array  # (n,) [m/s]
+    lateral_acceleration: Array | None = None  # (n,) [m/s^2], of the body; without it no wheel is judged
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Run:
 
 
 def judge_run(
-    record: Record, motion: Motion, goal: tuple[float, float], surroundings: Surroundings, radius: float
+    record: Record, motion: Motion, goal: tuple[float, float], surroundings: Surroundings, limits: Limits
 ) -> Run:
     """Compare a recorded run with the trajectory `motion` it was to follow.
 
@@ -65,18 +67,21 @@ def judge_run(
     to_goal = np.hypot(record.x - goal[0], record.y - goal[1])
     arrival = int(np.argmax(to_goal <= to_goal.min() + ARRIVAL_BAND))
     time = float(record.t[arrival])
-    least = least_margin(_polyline(record), surroundings.distance, Need(constant=radius))
+    least = least_margin(_polyline(record), surroundings.distance, Need(constant=limits.radius))
     worst, sideways = int(np.argmax(error)), int(np.argmax(lateral))
     jump = _jump(record)
     gap = np.diff(record.t)
     coarse = int(np.argmax(gap))
     late = abs(time - motion.travel_time) / motion.travel_time if motion.travel_time > 0.0 else 0.0
+    sway = np.zeros(1) if record.lateral_acceleration is None else np.abs(record.lateral_acceleration)
+    lifted = int(np.argmax(sway))
     faults = [
         (gap[coarse] > SAMPLING_LIMIT, coarse, f"no sample for {gap[coarse]:.3f} s"),
         (jump is not None, jump or 0, "the record jumps further than its speed explains"),
         (error[worst] > POSITION_LIMIT, worst, f"{error[worst]:.4f} m from the planned place"),
         (lateral[sideways] > LATERAL_LIMIT, sideways, f"{lateral[sideways]:.4f} m beside the planned path"),
         (to_goal.min() > GOAL_LIMIT, arrival, f"came no closer to the goal than {to_goal.min():.4f} m"),
+        (sway[lifted] > limits.tip, lifted, f"inner wheels lifted at {sway[lifted]:.3f} m/s^2"),
         (late > TIME_LIMIT, arrival, f"took {time:.3f} s instead of {motion.travel_time:.3f} s"),
     ]
     figures = {
@@ -132,4 +137,4 @@ def _polyline(record: Record) -> Motion:
 
 def record_from_columns(columns: dict[str, Array]) -> Record:
     """From the columns of simulation.csv; further columns are not judged."""
-    return Record(*(columns[name] for name in ("t", "x", "y", "heading", "v")))
+    return Record(*(columns[name] for name in ("t", "x", "y", "heading", "v", "lateral_acceleration")))

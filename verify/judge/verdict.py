@@ -20,7 +20,7 @@ from vnav_drake.scenario import Scenario, ScenarioError, parse_scenario
 
 Verdict = Literal["certified", "refined", "failed"]
 
-RECORD_COLUMNS = ("t", "x", "y", "heading", "v")
+RECORD_COLUMNS = ("t", "x", "y", "heading", "v", "lateral_acceleration")
 # Checks whose stage this version does not have: they are never passed, and hold back no verdict.
 ABSENT_STAGES = frozenset({"emergency_stops"})
 
@@ -151,7 +151,7 @@ def _simulation(folder: Path, motion: Motion | None, setting: Setting) -> tuple[
     record = record_from_columns(columns)
     if (record.t[1:] <= record.t[:-1]).any() or abs(record.t[0]) > 1e-9:
         raise EvidenceError(f"{evidence.SIMULATION}: times must increase from zero")
-    run = judge_run(record, motion, setting.goal.position, setting.surroundings, setting.limits.radius)
+    run = judge_run(record, motion, setting.goal.position, setting.surroundings, setting.limits)
     return run.figures, run.check
 
 
