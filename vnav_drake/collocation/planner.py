@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Literal
 
+from vnav_drake.collocation.mesh import Mesh
 from vnav_drake.collocation.refine import BUDGETS, Budget, refine
 from vnav_drake.collocation.seed import Seed, first_mesh
 from vnav_drake.collocation.units import unit_braking
@@ -76,9 +77,9 @@ def _plan(
     tries = [Seed(seeds)] if isinstance(seeds, Path) else list(seeds)
     budget = BUDGETS[effort]
     scaled, unit = unit_braking(problem)
-    guess, rows = _fastest(scaled, tries, model, budget.scout, unit)
+    guess, rows = _first_guess(scaled, tries, model, budget, unit)
     report = None if progress is None else _in_seconds(progress, unit)
-    result = refine(scaled, first_mesh(scaled, guess, budget.intervals), model, budget, report)
+    result = refine(scaled, guess, model, budget, report)
     trajectory = fastest_profile(problem, result.path, model=model)
     details = {
         "solver": "SNOPT",
@@ -92,14 +93,14 @@ def _plan(
     return Plan(method=method, model=model, trajectory=trajectory, path=result.path, details=details)
 
 
-def _fastest(
+def _first_guess(
     problem: Problem, seeds: Sequence[Seed], model: Model, budget: Budget, unit: float
-) -> tuple[Path, list[dict[str, object]]]:
-    """The path of the seed that leads to the shortest time on a coarse mesh, and a row for each seed.
+) -> tuple[Mesh, list[dict[str, object]]]:
+    """The mesh of the seed that leads to the shortest time, and a row for each seed.
 
     A lone seed needs no trial and has no row.
     """
-    best, least = seeds[0].path, math.inf
+    best, least = first_mesh(problem, seeds[0].path, budget.intervals), math.inf
     rows: list[dict[str, object]] = []
     for seed in seeds if len(seeds) > 1 else ():
         begun = time.perf_counter()
@@ -108,7 +109,8 @@ def _fastest(
             rows.append(row | {"message": "not tried: slower already in the variational model"})
             continue
         try:
-            result = refine(problem, first_mesh(problem, seed.path, budget.intervals), model, budget)
+            mesh = first_mesh(problem, seed.path, budget.intervals)
+            result = refine(problem, mesh, model, budget.scout)
         except PlanningError as error:
             row["message"] = str(error)
         else:
@@ -116,7 +118,7 @@ def _fastest(
             row["travel_time"] = travel_time * unit
             row["iterations"] = sum(entry.iterations for entry in result.rounds)
             if travel_time < least * (1.0 - SAME_TIME):
-                best, least = result.path, travel_time
+                best, least = result.mesh, travel_time
         rows.append(row | {"compute_time": time.perf_counter() - begun})
     return best, rows
 
