@@ -53,7 +53,7 @@ gallery: $(STAMP)
 	$(RUN) verify scenarios/*.yaml
 
 test: $(STAMP)
-	$(RUN) pytest -n $(JOBS) --maxprocesses 8 $(ARGS)
+	$(RUN) pytest -n $(JOBS) --maxprocesses 8 --dist loadfile $(ARGS)
 
 lint: $(STAMP)
 	$(RUN) ruff check

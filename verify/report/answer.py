@@ -46,6 +46,7 @@ def answer(result: Result, *, rest_ends: bool) -> list[str]:
     broken = _broken_by_variational(result)
     if broken:
         sentences.append(f"The variational optimum itself breaks {broken}: the refinement repairs that.")
+    sentences += _held_back(result)
     sentences += _simulated(result)
     return sentences
 
@@ -74,6 +75,18 @@ def _broken_by_variational(result: Result) -> str:
     )
     names = [LIMITS.get(row.name, row.name.replace("_", " ")) for row in rows]
     return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
+
+
+def _held_back(result: Result) -> list[str]:
+    """What was kept for the controller, where a plan at the limits could not be followed."""
+    share = number_in(result, "plans", "refined", "grip_share")
+    before = number_in(result, "plans", "refined", "full_grip_time")
+    if share is None or before is None:
+        return []
+    return [
+        f"At the limits of friction and tip-over ({seconds(before)}) the simulated vehicle could not follow, "
+        f"so the motion was planned again with {100.0 * share:g}\u00a0% of both."
+    ]
 
 
 def _bound(length: float) -> str:
