@@ -24,9 +24,9 @@ Array = NDArray[np.float64]
 
 SPEED_REDUCTION = 1e-6  # the whole profile is slowed by this factor, so that margins are provably >= 0
 SAG_SHARE = 4e-6  # part of the clearance that a row's sag may cost, which sets the row length
-LONGEST_ROW = 0.02  # [m]
+LONGEST_ROW = 0.02  # [m], on paths of ordinary length
+FEWEST_ROWS, MOST_ROWS = 50, 20_000  # about: very short paths need shorter rows, very long ones longer
 SHORTEST_ROW = 2e-4  # [m]
-FIRST_ROW = 0.05  # [m], grid on which the row lengths are chosen
 KINK_TOLERANCE = 1e-9  # [rad]: a smaller jump of the heading is rounding
 ROUNDING = 1e-12  # [m], far below what the slow-down of the whole profile gives back
 REPAIR_ROUNDS = 20  # of the reaction-time term; two are usual
@@ -72,7 +72,7 @@ def fastest_profile(
         needed = needed + 1.5 * _at_nodes(excess)
     else:
         raise PlanningError("no speed profile meets the reaction time between the rows of the path")
-    stuck = np.flatnonzero((square[1:] == 0.0) & (square[:-1] == 0.0))
+    stuck = np.flatnonzero((square[1:] == 0.0) & (square[:-1] == 0.0))  # never both ends: FEWEST_ROWS
     if len(stuck) > 0:
         x, y = points[stuck[0]]
         raise PlanningError(f"no safe speed at ({x:.3f}, {y:.3f}) m, clearance {clearance[stuck[0]]:.2e} m")
@@ -106,12 +106,14 @@ def row_sag(distance: Array, length: Array, curvature: Array) -> Array:
 
 def _rows(problem: Problem, path: Path) -> Path:
     """The path in rows short enough that the sag costs no more than SAG_SHARE of the clearance."""
-    coarse = path.subdivided(_counts(path.piece_length, FIRST_ROW))
+    longest = min(max(LONGEST_ROW, path.length / MOST_ROWS), path.length / FEWEST_ROWS)
+    shortest = min(SHORTEST_ROW, longest)
+    coarse = path.subdivided(_counts(path.piece_length, 2.5 * longest))
     distance = problem.world.distance(np.column_stack([coarse.x, coarse.y]))
-    least = np.maximum(0.5 * (distance[1:] + distance[:-1] - coarse.piece_length), SHORTEST_ROW)
-    room = np.maximum(least - problem.robot.radius - problem.braking.margin, SHORTEST_ROW)
+    least = np.maximum(0.5 * (distance[1:] + distance[:-1] - coarse.piece_length), shortest)
+    room = np.maximum(least - problem.robot.radius - problem.braking.margin, shortest)
     bend = 1.0 / least + np.abs(coarse.curvature)
-    row = np.clip(np.sqrt(8.0 * SAG_SHARE * room / bend), SHORTEST_ROW, LONGEST_ROW)
+    row = np.clip(np.sqrt(8.0 * SAG_SHARE * room / bend), shortest, longest)
     return coarse.subdivided(_counts(coarse.piece_length, row))
 
 
@@ -131,17 +133,28 @@ def _speed_squares(problem: Problem, rows: Path, room: Array, model: Model, ends
     if ends == "problem":
         for end, node in ((problem.start, 0), (problem.goal, -1)):
             if end.fixed_speed is not None:
-                limit[node] = min(limit[node], end.fixed_speed**2)
+                limit[node] = min(limit[node], (end.fixed_speed / (1.0 - SPEED_REDUCTION)) ** 2)
     if model == "full":
         bend = _at_nodes(np.abs(rows.curvature))
         bound = np.full_like(limit, math.inf)
         np.divide(problem.lateral_limit, bend, out=bound, where=bend > 0.0)
-        return _two_passes(problem, rows, np.minimum(limit, bound))
+        square = _two_passes(problem, rows, np.minimum(limit, bound))
+        _require_end_speeds(problem, square)
+        return square
     if ends == "problem":
         s = np.concatenate([[0.0], np.cumsum(rows.piece_length)])
         limit = np.minimum(limit, limit[0] + 2.0 * problem.robot.max_acceleration * s)
         limit = np.minimum(limit, limit[-1] + 2.0 * problem.robot.max_braking * (s[-1] - s))
     return limit
+
+
+def _require_end_speeds(problem: Problem, square: Array) -> None:
+    for name, end, reached in (("start", problem.start, square[0]), ("goal", problem.goal, square[-1])):
+        wanted = end.fixed_speed
+        if wanted is not None and math.sqrt(reached) < wanted:
+            raise PlanningError(
+                f"{name} at {wanted:g} m/s cannot be met on this path: at most {math.sqrt(reached):.6g} m/s"
+            )
 
 
 def _two_passes(problem: Problem, rows: Path, limit: Array) -> Array:

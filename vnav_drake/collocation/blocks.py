@@ -195,9 +195,9 @@ def lateral_block(layout: Layout, problem: Problem, shares: Array, intervals: In
     limit = problem.lateral_limit
 
     def combine(a: Array, lateral: Array) -> tuple[Array, Array, Array]:
-        return lateral / limit, np.zeros_like(a), np.full_like(a, 1.0 / limit)
+        return lateral, np.zeros_like(a), np.ones_like(a)
 
-    return _turning_block("lateral", layout, shares, intervals, combine, -1.0, 1.0)
+    return _turning_block("lateral", layout, shares, intervals, combine, -limit, limit)
 
 
 def _turning_block(

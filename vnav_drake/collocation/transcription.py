@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 LIMIT_SHARE = 1.0 - 1e-6  # of the steering limit, so that rounding in the solver cannot exceed it
+TURN_RESERVE = 2e-7  # [rad] of each interval's turn: twice the solver's feasibility tolerance
 
 
 class Transcription(Protocol):
@@ -75,14 +76,14 @@ class Arcs:
     def limit_steering(
         self, prog: MathematicalProgram, z: Array, layout: Layout, problem: Problem, shares: Array
     ) -> None:
-        """|theta_1 - theta_0| <= limit f L."""
+        """|theta_1 - theta_0| <= limit f L, less the solver's tolerance."""
         n, i = layout.intervals, np.arange(layout.intervals)
         matrix = np.zeros((2 * n, layout.knots + 1))
         for sign, rows in ((1.0, i), (-1.0, n + i)):
             matrix[rows, i], matrix[rows, i + 1] = -sign, sign
             matrix[rows, -1] = -problem.robot.max_curvature * LIMIT_SHARE * shares
         variables = np.append(z[layout.theta(np.arange(layout.knots))], z[layout.length])
-        prog.AddLinearConstraint(matrix, np.full(2 * n, -np.inf), np.zeros(2 * n), variables)
+        prog.AddLinearConstraint(matrix, np.full(2 * n, -np.inf), np.full(2 * n, -TURN_RESERVE), variables)
 
     def geometry(self, mesh: Mesh, extra: Array) -> Mesh:
         return mesh

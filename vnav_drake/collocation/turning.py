@@ -1,7 +1,7 @@
 """How fast the steering may turn: the limit between neighbouring arcs.
 
-A path of arcs has steps in its curvature. The steering angle is read as the line through the middles
-(in time) of the arcs, so its rate between two arcs is the step over the time between their middles.
+A path of arcs has steps in its curvature. A steering that turns at a limited rate ramps from one arc's angle
+to the next; the ramp must fit into either arc, so the rate is the step over the shorter of their times.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ def steering_and_slope(robot: Robot, curvature: Array) -> tuple[Array, Array]:
 
 
 def rate_block(layout: Layout, robot: Robot, rate: float, shares: Array, first: Index) -> Block:
-    """|omega_2 - omega_1| <= rate (dt_1 + dt_2) / 2 for intervals `first` and the ones after them.
+    """|omega_2 - omega_1| <= rate dt_1 and <= rate dt_2 for intervals `first` and the ones after them.
 
-    Two rows each, one a sign: +-(omega_2 - omega_1) - rate (dt_1 + dt_2)/2 <= 0.
+    Four rows each, for either interval and either sign: +-(omega_2 - omega_1) - rate dt <= 0.
     """
     n = len(first)
     m = n + 2
@@ -36,7 +36,10 @@ def rate_block(layout: Layout, robot: Robot, rate: float, shares: Array, first: 
     f = shares[np.append(first, first[-1] + 1)]
     variables = np.concatenate([layout.theta(knots), layout.v(knots), [layout.length]])
     k = np.arange(n)
-    cols = [k, k + 1, k + 2, m + k, m + k + 1, m + k + 2, np.full(n, 2 * m)]
+    rows, cols = [], []
+    for row, which in enumerate((0, 0, 1, 1)):
+        rows += [row * n + k] * 6
+        cols += [k, k + 1, k + 2, m + k + which, m + k + which + 1, np.full(n, 2 * m)]
 
     def evaluate(z: Array) -> tuple[Array, Array]:
         theta, v, length = z[:m], z[m : 2 * m], z[-1]
@@ -44,41 +47,37 @@ def rate_block(layout: Layout, robot: Robot, rate: float, shares: Array, first: 
         kappa = np.diff(theta) / step
         omega, slope = steering_and_slope(robot, kappa)
         total = v[1:] + v[:-1]
-        half = rate * step / total  # rate dt / 2
-        by_v = half / total
-        allowed = half[1:] + half[:-1]
+        allowed = 2.0 * rate * step / total
+        slower = allowed / total
         by_theta = slope / step
         turn = omega[1:] - omega[:-1]
-        one, two = by_theta[:-1], by_theta[1:]
-        turn_by = [one, -one - two, two]
-        turn_by_length = -(slope * kappa)[1:] / length + (slope * kappa)[:-1] / length
-        slack_by = [by_v[:-1], by_v[:-1] + by_v[1:], by_v[1:], -allowed / length]
-        values = [turn - allowed, -turn - allowed]
-        data = []
-        for sign in (1.0, -1.0):
-            data += [sign * part for part in turn_by] + slack_by[:3]
-            data.append(sign * turn_by_length + slack_by[3])
+        turn_by = [by_theta[:-1], -by_theta[:-1] - by_theta[1:], by_theta[1:]]
+        turn_by_length = (slope[:-1] * kappa[:-1] - slope[1:] * kappa[1:]) / length
+        values, data = [], []
+        for mine in (slice(None, -1), slice(1, None)):
+            for sign in (1.0, -1.0):
+                values.append(sign * turn - allowed[mine])
+                data += [sign * part for part in turn_by] + [slower[mine], slower[mine]]
+                data.append(sign * turn_by_length - allowed[mine] / length)
         return np.concatenate(values), np.concatenate(data)
 
-    rows = np.concatenate([np.tile(k, 7), np.tile(n + k, 7)])
     return Block(
         "steering_rate",
         variables,
-        rows,
-        np.concatenate(cols + cols),
+        np.concatenate(rows),
+        np.concatenate(cols),
         evaluate,
-        np.full(2 * n, -np.inf),
-        np.zeros(2 * n),
+        np.full(4 * n, -np.inf),
+        np.zeros(4 * n),
     )
 
 
 def greatest_steering_rate(trajectory: Trajectory, robot: Robot) -> float:
-    """[rad/s], between the middles of neighbouring stretches of equal curvature."""
+    """[rad/s], each step of the steering over the shorter of the two stretches of equal curvature."""
     kappa, t = trajectory.curvature[:-1], trajectory.t
     begins = np.concatenate([[0], 1 + np.flatnonzero(np.diff(kappa) != 0.0)])
     if len(begins) < 2:
         return 0.0
-    ends = np.append(begins[1:], len(kappa))
-    middle = 0.5 * (t[begins] + t[ends])
+    duration = np.diff(np.append(t[begins], t[-1]))
     omega, _ = steering_and_slope(robot, kappa[begins])
-    return float(np.max(np.abs(np.diff(omega)) / np.diff(middle)))
+    return float(np.max(np.abs(np.diff(omega)) / np.minimum(duration[1:], duration[:-1])))

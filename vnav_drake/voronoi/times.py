@@ -127,7 +127,7 @@ def _curved_time(curves: Curves, span: Array, braking: UniformBraking, level: fl
     cosh = np.where(touching[column], growth, np.cosh(node))
     u = unit[column] * np.where(above[column], sinh, cosh)
     other = np.where(above[column], cosh, sinh)
-    ratio = np.where(is_parabola, 1.0 / p, 0.0)[column] * u
+    ratio = np.divide(1.0, p, out=np.zeros_like(p), where=is_parabola)[column] * u
     r = curves.distance(u.reshape(len(u), -1)).reshape(u.shape)
     reach = np.where(is_parabola[column], 2.0 * p[column], r + level)  # delta = (unit other)^2 / reach
     stretch = np.hypot(1.0, ratio)
