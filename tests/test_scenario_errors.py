@@ -188,8 +188,10 @@ MALFORMED = [
     ),
     Bad("speed: safe", "speed: fast", "start.speed = 'fast'", "safe, rest, or a speed"),
     Bad("speed: safe", "speed: -1.0", "start.speed = -1.0", "safe, rest, or a speed"),
-    # clearance 2 - 0.4 = 1.6 m: V = sqrt(2 * 1 * 1.6) = 1.78885438 m/s
-    Bad("speed: safe", "speed: 1.7889", "start.speed = 1.7889", "at most 1.78885438"),
+    # g l/(2 h) = 9.81 * 0.5 / (2 * h) m/s^2 with h = 3: 0.8175
+    Bad("com_height: 0.12", "com_height: 3.0", "robot.max_braking = 1.0", "0.8175", "max_braking: 1.0"),
+    # clearance 2 - 0.4 = 1.6 m: V = sqrt(2 * 1 * 1.6) = 1.78885438 m/s, less 1e-5 of it
+    Bad("speed: safe", "speed: 1.7889", "start.speed = 1.7889", "at most 1.78883649"),
     Bad("max_speed: null", "max_speed: 0.5", "goal.speed = 0.6", "above robot.max_speed = 0.5", "speed: 0.6"),
     # text
     Bad("name: example", "name: ../../etc", "name = '../../etc'", "characters a-z"),

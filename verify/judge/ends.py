@@ -16,22 +16,76 @@ from verify.judge.limits import Limits
 def end_cost(limits: Limits, surroundings: Surroundings, start: Any, goal: Any) -> float:
     """Time [s] E such that no motion with these end speeds beats T* + E; zero for safe ends.
 
-    T* is the optimum of the variational model, whose ends are safe. E is the sum over both ends,
-    valid when the start and the goal are at least both cut lengths apart; otherwise zero, which is
-    always true.
+    T* is the optimum of the variational model, whose ends are safe. E is the sum over both ends of
+    `_cost`, cut off at lengths that together do not exceed the distance from start to goal: where the
+    best lengths are longer, both are shortened in proportion, as any length gives a true bound.
     """
-    cuts = [
-        _cut(limits, surroundings, start, limits.acceleration),
-        _cut(limits, surroundings, goal, limits.braking),
-    ]
-    apart = math.dist(start.position, goal.position)
-    if apart < sum(length for length, _ in cuts):
+    ends = ((start, limits.acceleration), (goal, limits.braking))
+    clear = [_clearance(limits, surroundings, end) for end, _ in ends]
+    best = [_best_cut(limits, end, rate, c) for (end, rate), c in zip(ends, clear, strict=True)]
+    total = sum(best)
+    if total == 0.0:
         return 0.0
-    return sum(cost for _, cost in cuts)
+    share = min(1.0, math.dist(start.position, goal.position) / total)
+    return sum(
+        _cost(limits, end, rate, c, share * cut)
+        for (end, rate), c, cut in zip(ends, clear, best, strict=True)
+    )
 
 
-def _cut(limits: Limits, surroundings: Surroundings, end: Any, rate: float) -> tuple[float, float]:
-    """Cut length [m] and extra time [s] of one end with a fixed speed.
+def straight_time(limits: Limits, surroundings: Surroundings, start: Any, goal: Any) -> float:
+    """Least time [s] of any motion with these end speeds: the straight way with nothing in it.
+
+    Derived. No path is shorter than the distance D from start to goal, and along a path the drive limits
+    and v_max are those of a double integrator, whose least time grows with the length. It speeds up
+    with a_max to the peak p and brakes with a_b, (p^2 - v0^2)/(2 a_max) + (p^2 - v1^2)/(2 a_b) = D, or
+    cruises at v_max in between. A safe end has any speed up to V(d) there, of which V(d) is best. Where
+    even p = max(v0, v1) takes more than D the path is longer, and the time that of this p.
+    """
+    v0, v1 = (_speed(limits, surroundings, end) for end in (start, goal))
+    gain, brake = limits.acceleration, limits.braking
+    distance = math.dist(start.position, goal.position)
+    energy = distance + v0 * v0 / (2.0 * gain) + v1 * v1 / (2.0 * brake)
+    peak = math.sqrt(2.0 * energy * gain * brake / (gain + brake))
+    peak = max(min(peak, limits.speed), v0, v1)
+    ramps = (peak**2 - v0**2) / (2.0 * gain) + (peak**2 - v1**2) / (2.0 * brake)
+    cruise = max(0.0, distance - ramps) / peak
+    return (peak - v0) / gain + (peak - v1) / brake + cruise
+
+
+def _clearance(limits: Limits, surroundings: Surroundings, end: Any) -> float:
+    return float(surroundings.distance(np.array([end.position]))[0]) - limits.radius
+
+
+def _speed(limits: Limits, surroundings: Surroundings, end: Any) -> float:
+    if end.speed == "safe":
+        return limits.safe_speed(_clearance(limits, surroundings, end))
+    return 0.0 if end.speed == "rest" else float(end.speed)
+
+
+def _is_plain(limits: Limits) -> bool:
+    """Whether V(d)^2 = 2 a_b d."""
+    return limits.reaction_time == 0.0 and limits.margin == 0.0 and math.isinf(limits.speed)
+
+
+def _best_cut(limits: Limits, end: Any, rate: float, clearance: float) -> float:
+    """Length [m] at which `_cost` is greatest; zero where nothing is to be gained."""
+    if end.speed == "safe":
+        return 0.0
+    speed = 0.0 if end.speed == "rest" else float(end.speed)
+    if clearance <= limits.margin or limits.safe_speed(clearance) <= speed:
+        return 0.0
+    if _is_plain(limits):
+        return (2.0 * limits.braking * clearance - speed**2) / (2.0 * (limits.braking + rate))
+
+    def faster(s: float) -> float:
+        return speed**2 + 2.0 * rate * s - limits.safe_speed(clearance - s) ** 2
+
+    return float(brentq(faster, 0.0, clearance - limits.margin, xtol=1e-12))
+
+
+def _cost(limits: Limits, end: Any, rate: float, clearance: float, length: float) -> float:
+    """Extra time [s] of one end with a fixed speed, cut off after `length` [m].
 
     Derived. Let the motion start at S with speed v0, where the clearance is c, and gain speed at a
     `rate` A at most (a goal is the same backwards, with A = a_b). Cut it after the arc length s. To
@@ -45,28 +99,16 @@ def _cut(limits: Limits, surroundings: Surroundings, end: Any, rate: float) -> t
         E  = (sqrt(v0^2 + 2 A s1) - v0)/A - sqrt(2/a_b) (sqrt(c) - sqrt(c - s1)),
 
     which for v0 = 0 is sqrt(2 c/a_b) (sqrt(1 + a_b/A) - 1). For other laws s1 is found by root
-    finding and the integral numerically; any s gives a true bound.
+    finding and the integral numerically.
     """
-    if end.speed == "safe":
-        return 0.0, 0.0
+    if length == 0.0:
+        return 0.0
     speed = 0.0 if end.speed == "rest" else float(end.speed)
-    clearance = float(surroundings.distance(np.array([end.position]))[0]) - limits.radius
-    if clearance <= limits.margin or limits.safe_speed(clearance) <= speed:
-        return 0.0, 0.0
-    braking = limits.braking
-    if limits.reaction_time == 0.0 and limits.margin == 0.0 and math.isinf(limits.speed):
-        length = (2.0 * braking * clearance - speed**2) / (2.0 * (braking + rate))
-        chord = math.sqrt(2.0 / braking) * (math.sqrt(clearance) - math.sqrt(clearance - length))
+    if _is_plain(limits):
+        chord = math.sqrt(2.0 / limits.braking) * (math.sqrt(clearance) - math.sqrt(clearance - length))
     else:
-
-        def faster(s: float) -> float:
-            return speed**2 + 2.0 * rate * s - limits.safe_speed(clearance - s) ** 2
-
-        length = brentq(faster, 0.0, clearance - limits.margin, xtol=1e-12)
-
-        def slowness(s: float) -> float:
-            return 1.0 / limits.safe_speed(clearance - s)
-
-        chord = quad(slowness, 0.0, length, epsabs=1e-12, limit=200)[0]
+        chord = quad(lambda s: 1.0 / limits.safe_speed(clearance - s), 0.0, length, epsabs=1e-12, limit=200)[
+            0
+        ]
     reach = (math.sqrt(speed**2 + 2.0 * rate * length) - speed) / rate
-    return length, max(0.0, reach - chord)
+    return max(0.0, reach - chord)
