@@ -78,7 +78,8 @@ def casadi_solver(problem: Problem, guess: Mesh, pieces: ConvexPieces, model: Mo
         rows.append((-turn - bend * ds, many(n, -np.inf), zero(n)))
     lower, upper = many(layout.size, -np.inf), many(layout.size, np.inf)
     lower[layout.v(k)] = LEAST_SPEED
-    lower[layout.length], upper[layout.length] = 0.5 * guess.length, 2.0 * guess.length
+    lower[layout.length] = 0.5 * guess.length
+    upper[layout.length] = 2.0 * guess.length + 4.0 * np.pi / robot.max_curvature
     for end, i in ((problem.start, 0), (problem.goal, n)):
         fixed = [(layout.x(i), end.position[0]), (layout.y(i), end.position[1])]
         if model == "full" and end.fixed_speed is not None:

@@ -1,7 +1,8 @@
 """Signed distance to convex pieces of everything that blocks the way.
 
-Optimisation needs a signed distance (an unsigned one lets a path tunnel through a wall) and one
-smooth constraint per convex piece (no minimum over obstacles).
+Optimisation needs a signed distance (an unsigned one lets a path tunnel through an obstacle) and one
+smooth constraint per convex piece (no minimum over obstacles). Walls and points have no inside: a path
+that tunnels through one is found when it is retimed, and solved again with knots kept near the guess.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Literal
 
+from vnav_drake.collocation.dubins import dubins_seeds
 from vnav_drake.collocation.mesh import Mesh
 from vnav_drake.collocation.refine import BUDGETS, Budget, refine
 from vnav_drake.collocation.seed import Seed, first_mesh
@@ -56,7 +57,8 @@ def plan_full(
 ) -> Plan:
     """The fastest motion within every limit of the robot, end speeds and headings included.
 
-    Parameters and details as for `plan_variational`, whose path is the best first seed.
+    Parameters and details as for `plan_variational`, whose path is the best first seed. Where an end has a
+    heading, Dubins paths between the ends that are clear of obstacles are tried too.
 
     Raises
     ------
@@ -75,6 +77,8 @@ def _plan(
 ) -> Plan:
     begun = time.perf_counter()
     tries = [Seed(seeds)] if isinstance(seeds, Path) else list(seeds)
+    if model == "full":
+        tries += dubins_seeds(problem)
     budget = BUDGETS[effort]
     scaled, unit = unit_braking(problem)
     guess, rows = _first_guess(scaled, tries, model, budget, unit)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
-from pydrake.solvers import MathematicalProgram, SnoptSolver, SolverOptions
+from pydrake.solvers import CommonSolverOption, MathematicalProgram, SnoptSolver, SolverOptions
 
 from vnav_drake.collocation.blocks import Block, Layout, clearance_block, drive_block, travel_time
 from vnav_drake.collocation.mesh import Mesh
@@ -23,7 +24,8 @@ Array = NDArray[np.float64]
 
 BLOCK_INTERVALS = 20  # a block's dense derivative crosses into Drake: small blocks waste less
 LEAST_SPEED = 1e-3  # [m/s] at inner knots, which keeps the travel time finite
-SMOOTHING = 1e-6  # [m^2]: a step of 1 1/m in curvature costs a millionth of the travel time
+SMOOTHING = 2e-7  # of the travel time: price of a step of 1/D in curvature, D the usual distance to obstacles
+KEEP_SHARE = 0.35  # of the distance to obstacles: a square that lies in the circle of half of it
 FEASIBILITY = 1e-7  # solver tolerance; the final motion does not rely on it
 ARCS = Arcs()
 SNOPT_OPTIONS = {
@@ -57,6 +59,7 @@ def solve(
     model: Model,
     *,
     reach: float,
+    keep_near: bool = False,
     steering_rate: float = math.inf,
     transcription: Transcription = ARCS,
 ) -> Solution:
@@ -68,12 +71,14 @@ def solve(
         its end speeds and headings.
     reach : [m], pieces are considered where their distance at the guess exceeds the least by at most
         this; a knot that moves by less than half of it misses none.
+    keep_near : each knot stays within half its clearance of the guess, so that no obstacle changes sides
+        where the guess is clear of all.
     steering_rate : [rad/s], used in the full model.
     """
     layout = Layout(guess.intervals)
     prog = MathematicalProgram()
     z = prog.NewContinuousVariables(layout.size + transcription.extra(guess.intervals), "z")
-    lower, upper = _bounds(problem, guess, layout, model)
+    lower, upper = _bounds(problem, guess, layout, model, keep_near)
     prog.AddBoundingBoxConstraint(lower, upper, z[: layout.size])
     for block in _blocks(problem, guess, layout, pieces, model, reach):
         _add(prog, z, block)
@@ -85,7 +90,8 @@ def solve(
     counter = _Counter()
     timed = np.append(z[layout.v(np.arange(layout.knots))], z[layout.length])
     prog.AddCost(_time_cost(guess.shares, counter), vars=timed)
-    _prefer_even_curvature(prog, z, layout, guess, travel_time(guess.v, guess.shares, guess.length)[0])
+    span = float(np.median(np.abs(problem.world.distance(guess.points))))
+    _prefer_even_curvature(prog, z, layout, guess, span)
     start = np.concatenate([guess.x, guess.y, guess.theta, guess.v, [guess.length]])
     start = np.concatenate([np.clip(start, lower, upper), transcription.guess(guess)])
     begun = time.perf_counter()
@@ -121,17 +127,25 @@ def _options() -> SolverOptions:
     options = SolverOptions()
     for name, value in SNOPT_OPTIONS.items():
         options.SetOption(SnoptSolver.id(), name, value)
+    # without a print file SNOPT writes some messages to standard output
+    options.SetOption(CommonSolverOption.kPrintFileName, os.devnull)
     return options
 
 
-def _bounds(problem: Problem, guess: Mesh, layout: Layout, model: Model) -> tuple[Array, Array]:
+def _bounds(
+    problem: Problem, guess: Mesh, layout: Layout, model: Model, keep_near: bool
+) -> tuple[Array, Array]:
     lower, upper = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
     knots = np.arange(layout.knots)
     lower[layout.v(knots)] = LEAST_SPEED
     lower[layout.v(np.array([0, -1]) % layout.knots)] = 0.0
     upper[layout.v(knots)] = problem.robot.max_speed
     lower[layout.length] = 0.5 * guess.length
-    upper[layout.length] = 2.0 * guess.length
+    upper[layout.length] = 2.0 * guess.length + 4.0 * math.pi / problem.robot.max_curvature
+    if keep_near:
+        room = KEEP_SHARE * np.maximum(problem.world.distance(guess.points), 0.0)
+        for at, place in ((layout.x(knots), guess.x), (layout.y(knots), guess.y)):
+            lower[at], upper[at] = place - room, place + room
     for end, k in ((problem.start, 0), (problem.goal, layout.intervals)):
         fixed = [(layout.x(k), end.position[0]), (layout.y(k), end.position[1])]
         if model == "full":
@@ -161,9 +175,11 @@ def _blocks(
 
 
 def _prefer_even_curvature(
-    prog: MathematicalProgram, z: Array, layout: Layout, guess: Mesh, travel_time: float
+    prog: MathematicalProgram, z: Array, layout: Layout, guess: Mesh, span: float
 ) -> None:
-    """Add SMOOTHING T sum (kappa_2 - kappa_1)^2, which is quadratic in the headings at the guess's length.
+    """Add SMOOTHING T sum (D (kappa_2 - kappa_1))^2, quadratic in the headings at the guess's length.
+
+    D is the `span` [m].
 
     The travel time hardly tells a bend from one that overshoots within a knot's distance. Of motions
     that take the same time this prefers the one that steers less.
@@ -176,7 +192,8 @@ def _prefer_even_curvature(
     i = np.arange(n - 1)
     step[i, i], step[i, i + 1], step[i, i + 2] = pace[:-1], -pace[:-1] - pace[1:], pace[1:]
     theta = z[layout.theta(np.arange(layout.knots))]
-    weight = 2.0 * SMOOTHING * travel_time
+    seconds = travel_time(guess.v, guess.shares, guess.length)[0]
+    weight = 2.0 * SMOOTHING * seconds * span**2
     prog.AddQuadraticCost(weight * step.T @ step, np.zeros(n + 1), theta, is_convex=True)
 
 

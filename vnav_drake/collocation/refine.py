@@ -99,12 +99,19 @@ def refine(
     pieces = ConvexPieces.of(problem.world)
     best: tuple[Path, Trajectory, Mesh] | None = None
     rounds: list[Round] = []
-    reason, reach = "no round ran", FIRST_REACH
+    reason, reach, unsafe = "no round ran", FIRST_REACH, False
     limit = problem.robot.max_steering_rate if model == "full" else math.inf
     allowed = limit
     for number in range(1, budget.rounds + 1):
         solution = solve(
-            problem, guess, pieces, model, reach=reach, steering_rate=allowed, transcription=transcription
+            problem,
+            guess,
+            pieces,
+            model,
+            reach=reach,
+            keep_near=unsafe,
+            steering_rate=allowed,
+            transcription=transcription,
         )
         mesh = solution.mesh
         try:
@@ -113,7 +120,7 @@ def refine(
                 _require_steerable(path, problem)
             trajectory = fastest_profile(problem, path, model=model)
         except PlanningError as error:
-            reason = str(error)
+            reason, unsafe = str(error), True
             rounds.append(_round(number, solution, None, problem))
             if 2 * guess.intervals > budget.most_intervals:
                 break

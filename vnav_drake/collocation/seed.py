@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 SAMPLES = 72  # of the seed, between which straight legs may cut corners
 LEG_POINTS = 24  # midpoints at which a leg's travel time is summed
 MOST_PIECES = 400  # a smooth seed with no more arcs than this is its own mesh
+GRID = 50  # samples an interval on which the knots are placed
 SEED_SPEED = 0.95  # of the safe speed: strictly inside the limits
 
 
@@ -33,9 +34,9 @@ class Seed:
 
 
 def first_mesh(problem: Problem, seed: Path, intervals: int) -> Mesh:
-    """A guess from `seed`: its own arcs when it is smooth and coarse, else even arcs along a short cut.
+    """A guess from `seed`: its own arcs when it is smooth and coarse, else arcs along a short cut.
 
-    No interval is longer than the path's length over `intervals`.
+    Intervals of a smooth seed are no longer than the path's length over `intervals`.
     """
     smooth = np.all(np.abs(seed.kinks) <= KINK_TOLERANCE)
     if smooth and len(seed.curvature) <= MOST_PIECES:
@@ -45,10 +46,11 @@ def first_mesh(problem: Problem, seed: Path, intervals: int) -> Mesh:
         shares = seed.piece_length / seed.length
         return _with_speed(problem, Mesh(shares, seed.x, seed.y, theta, np.ones(len(theta)), seed.length))
     short = shortcut(problem, seed)
-    x, y, _, _ = short.at(np.linspace(0.0, short.length, intervals + 1))
+    s = _knots(problem, short, intervals)
+    x, y, _, _ = short.at(s)
     chord = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
     theta = np.concatenate([chord[:1], 0.5 * (chord[1:] + chord[:-1]), chord[-1:]])
-    shares = np.full(intervals, 1.0 / intervals)
+    shares = np.diff(s) / short.length
     return _with_speed(problem, Mesh(shares, x, y, theta, np.ones(len(x)), short.length))
 
 
@@ -84,6 +86,16 @@ def shortcut(problem: Problem, seed: Path) -> Path:
     while chain[-1] > 0:
         chain.append(int(before[chain[-1]]))
     return Path.polyline(points[chain[::-1]])
+
+
+def _knots(problem: Problem, path: Path, intervals: int) -> Array:
+    """Arc lengths (intervals + 1,) [m], even in the mean of length and time: denser in narrow places."""
+    s = np.linspace(0.0, path.length, GRID * intervals + 1)
+    x, y, _, _ = path.at(s)
+    pace = 1.0 / np.maximum(problem.safe_speed(np.column_stack([x, y])), LEAST_SPEED)
+    time = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]))])
+    measure = s / s[-1] + time / time[-1]
+    return np.interp(np.linspace(0.0, measure[-1], intervals + 1), measure, s)
 
 
 def _with_speed(problem: Problem, mesh: Mesh) -> Mesh:
