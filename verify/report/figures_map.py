@@ -19,6 +19,7 @@ from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
 from verify.report.curves import halo
+from verify.report.evidence import SimulatedRun
 from verify.report.palette import ARC, CASING, FLOOR, INK, MUTED, PAPER, RACK, RACK_EDGE, SPEED_MAP, method
 from verify.report.series import thinned_path
 from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_axes, to_svg
@@ -43,6 +44,7 @@ class MapData:
     arcs: Sequence[Array]  # Voronoi arcs, (n, 2) [m] each
     others: Sequence[tuple[str, Trajectory]]  # (method, motion) drawn as lines
     executed: Trajectory | None  # drawn with its speed as colour
+    strayed: SimulatedRun | None = None  # where the simulated vehicle drove, when it did not follow
 
 
 def draw_map(data: MapData) -> Picture:
@@ -59,7 +61,8 @@ def draw_map(data: MapData) -> Picture:
             "and the executed path coloured by speed."
             if data.executed is not None
             else "and no executed path."
-        ),
+        )
+        + (" The simulated vehicle left it: its track is drawn on top." if data.strayed is not None else ""),
     }
     with drawing_style():
         return Picture(
@@ -105,6 +108,10 @@ def _draw(data: MapData, described: dict[str, str], *, narrow: bool) -> Markup:
             bar.solids.set_rasterized(False)
     for name, motion in above:
         _line(axes, name, motion, size, 1.3)
+    if data.strayed is not None:
+        look = method("simulation")
+        track = thinned_path(data.strayed.x, data.strayed.y, size)
+        axes.plot(*track, color=look.light, lw=1.8, ls=look.dash, dash_capstyle="butt")
     draw_ends(axes, data.problem, data.executed)
     return to_svg(figure, **described)
 

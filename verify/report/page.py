@@ -95,8 +95,9 @@ def write_report(
         times=story.time_rows(result),
         reference=method(story.reference_plan(result)).label if story.reference_plan(result) else "",
         bracket=_bracket(result),
-        map=_map(problem, evidence, extras),
-        map_lines=[method(name) for name, _ in _map_lines(evidence)],
+        map=_map(problem, evidence, extras, strayed=story.strayed(result)),
+        map_lines=[method(name) for name, _ in _map_lines(evidence)]
+        + ([method("simulation")] if story.strayed(result) and evidence.simulation is not None else []),
         has_arcs=extras.diagram is not None or bool(extras.voronoi_polylines),
         speed=_with_motion(
             evidence,
@@ -159,13 +160,19 @@ def _map_lines(evidence: Evidence) -> list[tuple[str, Trajectory]]:
     return [(name, motion) for name, motion in evidence.plans.items() if name != evidence.executed_plan]
 
 
-def _map(problem: Problem, evidence: Evidence, extras: ReportExtras) -> Section:
+def _map(problem: Problem, evidence: Evidence, extras: ReportExtras, *, strayed: bool) -> Section:
     if extras.diagram is not None:
         arcs = list(extras.diagram.polylines(problem.world.diameter * ARC_SPACING_SHARE))
     else:
         arcs = list(extras.voronoi_polylines)
     picture = draw_map(
-        MapData(problem=problem, arcs=arcs, others=_map_lines(evidence), executed=evidence.executed)
+        MapData(
+            problem=problem,
+            arcs=arcs,
+            others=_map_lines(evidence),
+            executed=evidence.executed,
+            strayed=evidence.simulation if strayed else None,
+        )
     )
     reason = (
         ""

@@ -160,6 +160,11 @@ def _gate_figure(value: float | None, unit: str) -> str:
     return with_unit(value, unit)
 
 
+def strayed(result: Result) -> bool:
+    """Whether the simulated vehicle did not follow the motion."""
+    return any(row.name == "tracking" and row.status == FAILED for row in check_rows(result))
+
+
 def check_rows(result: Result) -> list[CheckRow]:
     """Checks: failing first, then not evaluated, then those that a plan's model does not promise to pass."""
     rows = [_check_row(check, words(check.get("status"))) for check in entries(result, "checks")]
