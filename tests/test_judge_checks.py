@@ -94,6 +94,59 @@ def test_grazing_an_obstacle_fails_clearance_but_not_boundary():
     assert checks["boundary"].status == "passed"
 
 
+POINT = {"radius": 0.0, "wheelbase": 0.1, "track": 0.1}
+
+
+def room(obstacle: list[list[float]]) -> Setting:
+    """A room of 10 x 10 m with one obstacle, for a point robot on the line y = 4 from x = 2 to 8."""
+    return setting(
+        world={"boundary": [[0, 0], [10, 0], [10, 10], [0, 10]], "obstacles": [{"vertices": obstacle}]},
+        robot=POINT,
+        start={"position": [2.0, 4.0]},
+        goal={"position": [8.0, 4.0]},
+    )
+
+
+def through(where: Setting, *, least: float = 0.0) -> Motion:
+    """Straight on, at the braking limit of the wall x = 5: v^2 = 2 |x - 5|, but for 1e-6."""
+    x = np.unique(np.concatenate([np.linspace(2.0, 8.0, 61), [5.0]]))
+    speed = np.sqrt(2.0 * np.maximum(np.minimum(np.abs(x - 5.0), np.minimum(x, 10.0 - x)), least)) * (
+        1 - 1e-6
+    )
+    return arcs_motion((2.0, 4.0), 0.0, [(step, 0.0) for step in np.diff(x)], speed, where)
+
+
+@pytest.mark.parametrize(
+    "obstacle",
+    [
+        [[5, 0], [5, 8]],
+        [[5, 4], [5, 8]],  # grazes the end of the wall
+        [[5, 4]],
+        [[5, 0], [5.0000015, 0], [5.0000015, 8], [5, 8]],
+    ],
+    ids=["wall", "end of a wall", "point", "plate"],
+)
+def test_a_point_robot_does_not_pass_through_obstacles_without_depth(obstacle: list[list[float]]):
+    where = room(obstacle)
+    checks = judged(through(where), where)
+    assert checks["clearance"].status == "failed"
+    assert "touches or crosses" in checks["clearance"].message
+    assert checks["clearance"].violation == 1.0
+    assert checks["clearance"].at is not None
+    assert checks["clearance"].at.x == pytest.approx(5.0, abs=1e-6)
+    # hardly anything else can see it: there is no inside to be in, and the speed at the wall is zero
+    assert {n for n, c in checks.items() if c.status == "failed"} <= {
+        "clearance",
+        "drive",
+        "braking_distance",
+    }
+
+
+def test_a_point_robot_may_pass_close_to_the_end_of_a_wall():
+    where = room([[5, 4.001], [5, 8]])  # 1 mm beside the path
+    assert judged(through(where, least=1e-3), where)["clearance"].status == "passed"
+
+
 @pytest.mark.parametrize(
     ("end", "change"),
     [
@@ -174,18 +227,29 @@ def test_an_unlimited_steering_rate_is_said():
     assert "not limited" in judged(along_hall(where), where)["steering"].message
 
 
-def test_steering_rate_between_the_middles_of_runs():
-    # Straight for 2 s (two rows, one run), then curvature 0.5 for 1 s: the middles are 1.5 s apart.
+def test_steering_rate_is_taken_over_the_shorter_of_two_runs():
+    # Straight for 2 s (two rows, one run), then curvature 0.5 for 1 s: the wheels turn within 1 s.
     # tan omega = 2 tan(asin(kappa l / 2)) with kappa l / 2 = 0.125.
     angle = math.atan(2.0 * math.tan(math.asin(0.125)))
     arcs = [(1.0, 0.0), (1.0, 0.0), (1.0, 0.5)]
     for factor, status in ((1.001, "passed"), (0.999, "failed")):
-        where = setting(robot={"max_steering_rate": factor * angle / 1.5})
+        where = setting(robot={"max_steering_rate": factor * angle})
         motion = arcs_motion((10.0, 1.5), 0.0, arcs, [1.0] * 4, where)
         check = judged(motion, where)["steering"]
         assert check.status == status
-    assert check.worst == pytest.approx(-0.001 * angle / 1.5, rel=1e-6)
+    assert check.worst == pytest.approx(-0.001 * angle, rel=1e-6)
     assert check.unit == "rad/s"
+    assert "constant in pieces" in check.message
+
+
+def test_a_long_straight_gives_no_time_to_turn_the_wheels_in_the_bend_after_it():
+    # 10 s straight, then a bend of 1 s: 0.2 rad within 1 s, not within the 5.5 s between the middles.
+    curvature = 2.0 / 0.5 * math.sin(math.atan(0.5 * math.tan(0.2)))
+    where = setting(robot={"max_steering_rate": 0.19})
+    motion = arcs_motion((10.0, 1.5), 0.0, [(10.0, 0.0), (1.0, curvature)], [1.0] * 3, where)
+    check = judged(motion, where)["steering"]
+    assert check.worst == pytest.approx(-0.01, abs=1e-9)
+    assert check.status == "failed"
 
 
 def test_a_heading_that_jumps_fails_steering():
@@ -200,6 +264,54 @@ def test_a_heading_that_jumps_fails_steering():
     assert (check.status, check.unit) == ("failed", "rad")
     assert check.worst == pytest.approx(-math.pi / 2)
     assert judged(Motion(**turned), where)["travel_time"].status == "passed"
+
+
+def with_row(motion: Motion, at: int, **values: float) -> Motion:
+    """The motion with row `at` doubled, the first of both with other values."""
+    columns = {name: getattr(motion, name) for name in motion.__dataclass_fields__}
+    columns = {name: np.insert(column, at, column[at]) for name, column in columns.items()}
+    for name, value in values.items():
+        columns[name][at] = value
+    return Motion(**columns)
+
+
+@pytest.mark.parametrize(("end", "row"), [("start", 0), ("goal", -1)])
+def test_a_row_without_duration_does_not_fake_the_heading_of_an_end(end: str, row: int):
+    where = setting(**{end: {"heading": 1.0}})
+    straight = along_hall(where)
+    at = 0 if row == 0 else len(straight.t) - 1
+    faked = with_row(straight, at)
+    faked.heading[row] = 1.0
+    assert judged(faked, where)["travel_time"].status == "passed"  # a kink alone takes no time
+    assert failed(faked, where) == {end, "steering"}
+    assert judged(faked, where)["steering"].worst == pytest.approx(-1.0, abs=1e-12)
+    # what the motion really does is judged: heading 0 at both ends
+    assert failed(faked, setting(**{end: {"heading": 0.0}})) == {"steering"}
+
+
+def test_a_turn_between_two_rows_without_duration_is_a_kink():
+    where = setting()
+    motion = with_row(with_row(along_hall(where), 7), 8, heading=0.5)
+    assert failed(motion, where) == {"steering"}
+
+
+def test_many_kinks_too_small_to_see_add_up():
+    # 4000 rows of 7.5 mm; at each, a step of 5e-7 rad: 2e-3 rad in all. Every other one turns back.
+    where = setting()
+    fine = along_hall(where, rows=4000)
+    headings = np.where(np.arange(4000) % 2 == 0, 2.5e-7, -2.5e-7)
+    columns = {name: np.repeat(getattr(fine, name), 2)[1:-1] for name in fine.__dataclass_fields__}
+    columns["heading"] = np.repeat(headings, 2)
+    x, y = [5.0], [2.0]
+    for heading in headings:
+        x.append(x[-1] + 0.0075 * math.cos(heading))
+        y.append(y[-1] + 0.0075 * math.sin(heading))
+    columns["x"], columns["y"] = np.repeat(x, 2)[1:-1], np.repeat(y, 2)[1:-1]
+    motion = Motion(**columns)
+    assert judged(motion, where)["travel_time"].status == "passed"
+    check = judged(motion, where)["steering"]
+    assert check.status == "failed"
+    assert "many small steps" in check.message
 
 
 @pytest.mark.parametrize(
@@ -242,6 +354,47 @@ def test_any_edited_number_breaks_the_travel_time_check(column: str, by: float):
     check = judged(edited(motion, column, 2, by), where)["travel_time"]
     assert check.status == "failed"
     assert "row" in check.message
+
+
+def test_errors_of_many_rows_add_up():
+    # 600,000 rows of 2 us: the column says 1 m/s^2, the limit, but the speed gains 1.0045 m/s^2. Each row
+    # is 9e-9 m/s off, the whole 5.4e-3 m/s.
+    where = setting(start={"speed": "rest"}, goal={"position": [5.7232, 2.0]})
+    t = 2e-6 * np.arange(600_001)
+    v = 1.0045 * t
+    x = 5.0 + 0.5 * 1.0045 * t * t
+    zero, one = np.zeros_like(t), np.ones_like(t)
+    motion = Motion(t, x, 2.0 * one, zero, v, one, zero, 1.5 * one)
+    assert np.abs(np.diff(v) - motion.duration).max() < 1e-8
+    check = judged(motion, where)["travel_time"]
+    assert check.status == "failed"
+    assert (check.unit, check.worst) == ("m/s", pytest.approx(-0.0045 * 1.2, rel=1e-6))
+    assert "all rows together" in check.message
+    honest = Motion(t, 5.0 + 0.5 * t * t, 2.0 * one, zero, t, one, zero, 1.5 * one)
+    assert judged(honest, where)["travel_time"].status == "passed"
+
+
+@pytest.mark.parametrize(("column", "unit"), [("y", "m"), ("curvature", "rad")])
+def test_small_errors_of_place_and_heading_add_up_too(column: str, unit: str):
+    # 3000 rows of 10 mm, each 4e-9 m, or 4e-8 1/m * 10 mm = 4e-10 rad, off.
+    where = setting()
+    motion = along_hall(where, rows=3000)
+    drift = 4e-9 * np.arange(3001) if column == "y" else np.full(3001, 4e-8)
+    check = judged(replace(motion, **{column: getattr(motion, column) + drift}), where)["travel_time"]
+    assert (check.status, check.unit) == ("failed", unit)
+    assert check.worst == pytest.approx(-1.2e-5 if unit == "m" else -1.2e-6, rel=1e-3)
+
+
+def test_far_from_the_origin_only_rounding_is_allowed_for():
+    # Neighbouring numbers lie 1.5e-11 m apart at 1e5 m: 20,000 rows may be off by 3e-7 m, a true error not.
+    far, rows = 9.9e4, 20_000
+    corners = [[far, 0], [far + 400, 0], [far + 400, 4], [far, 4]]
+    where = setting(
+        world={"boundary": corners}, start={"position": [far + 5, 2]}, goal={"position": [far + 395, 2]}
+    )
+    motion = arcs_motion((far + 5.0, 2.0), 0.0, [(390.0 / rows, 0.0)] * rows, [1.0] * (rows + 1), where)
+    assert judged(motion, where)["travel_time"].status == "passed"
+    assert judged(edited(motion, "x", 100, 1e-5), where)["travel_time"].status == "failed"
 
 
 def test_a_removed_row_breaks_the_travel_time_check():

@@ -103,7 +103,7 @@ def test_without_collocation_the_rest_is_judged_and_reported(tmp_path, monkeypat
     assert "simulation" not in result.result
     assert not (result.report.parent / "trajectory.csv").exists()
     assert "no geometry was found" in result.report.read_text()
-    assert recheck(result.report.parent)[0] == ()
+    assert recheck(result.report.parent).reasons == ()
 
 
 def test_without_simulation_nothing_passes_unseen(tmp_path, monkeypatch):
@@ -193,7 +193,7 @@ def test_two_runs_at_once_leave_one_whole_result(tmp_path):
     for run in runs:
         run.communicate(timeout=120)
     assert [run.returncode for run in runs] == [0, 0]
-    assert recheck(out / "around_a_point")[0] == ()
+    assert recheck(out / "around_a_point").reasons == ()
     assert sorted(path.name for path in out.iterdir()) == ["around_a_point", "index.html"]
 
 

@@ -72,7 +72,7 @@ def test_the_result_as_written_is_believed_and_passed(folder, capsys):
     code, text = check(folder, capsys)
     assert code == 0
     assert text.startswith("around_a_point: refined")
-    assert recheck(folder)[0] == ()
+    assert recheck(folder).reasons == ()
 
 
 def move_point(rows: np.ndarray) -> np.ndarray:
@@ -196,6 +196,94 @@ def test_every_edit_of_the_result_is_refused(folder, capsys, change, reason):
     assert code == 1
     assert "refused" in text
     assert reason in text
+
+
+def widen(folder: Path, **limits: float) -> None:
+    """Gate limits as if the result had been made with `--gate`, and everything in the file to fit."""
+    found = judge(folder, limits).as_result()
+
+    def change(result: dict[str, Any]) -> None:
+        result |= {key: found[key] for key in ("verdict", "reasons", "gates")}
+        result["gate_overrides"] = limits
+
+    edit_result(folder, change)
+
+
+def tighten_scenario(folder: Path, limit: float) -> None:
+    """The scenario asks for a refinement gap that the result does not keep."""
+    file = folder / evidence.SCENARIO
+    file.write_text(file.read_text().replace("refinement_gap: 0.5", f"refinement_gap: {limit}"))
+    regenerate(folder, honest=True)
+
+
+def test_a_wide_limit_in_the_result_excuses_nothing(folder, capsys):
+    tighten_scenario(folder, 1e-4)
+    assert check(folder, capsys)[0] == 1
+    widen(folder, refinement_gap=1e300)
+    code, text = check(folder, capsys)
+    assert code == 1
+    assert "refused" not in text  # it says what it is
+    assert "the result was made with other gate limits: refinement_gap 1e+300 instead of 0.0001" in text
+    assert "gate refinement_gap: fails" in text
+
+
+def test_a_limit_given_for_the_check_itself_counts_and_is_said(folder, capsys):
+    tighten_scenario(folder, 1e-4)
+    code = main(["check", str(folder), "--gate", "refinement_gap=0.5"])
+    text = capsys.readouterr().out
+    assert code == 0
+    assert (
+        "(gates overridden on the command line: refinement_gap 0.5 instead of 0.0001)" in text.splitlines()[0]
+    )
+    assert main(["check", str(folder), "--gate", "refinement_gap=0.5", "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+    assert main(["check", str(folder), "--gate", "braking_margin=0.5"]) == 1  # another gate is no excuse
+
+
+def test_a_stricter_limit_with_which_the_result_was_made_still_counts(folder, capsys):
+    widen(folder, refinement_gap=1e-4)
+    code, text = check(folder, capsys)
+    assert code == 1
+    assert text.count("gate refinement_gap: fails") == 1
+    assert main(["check", str(folder), "--gate", "refinement_gap=0.5"]) == 0
+
+
+@pytest.mark.parametrize("limit", [-1e9, -0.001, True, None, 10**400, "0.5", [0.5]])
+def test_limits_that_no_command_line_takes_are_refused(folder, capsys, limit):
+    edit_result(folder, set_at("gate_overrides", to={"braking_margin": limit}))
+    code, text = check(folder, capsys)
+    assert code == 1
+    assert "gate_overrides.braking_margin = " in text
+    assert "at least 0" in text
+
+
+def test_numbers_beyond_all_floats_are_refused(folder, capsys):
+    edit_result(folder, set_at("gaps", "refinement", to=10**400))
+    code, text = check(folder, capsys)
+    assert code == 1
+    assert "gaps.refinement" in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ("friction: 0.6", "friction: 0.1", "more than friction allows"),
+        ("wheelbase: 0.5", "wheelbase: 0.9", "the wheels stand outside the disc"),
+        ("com_height: 0.12", "com_height: 9.0", "lifts an axle"),
+        ("radius: 0.4", "radius: -1.0", "robot.radius = -1.0"),
+        ("schema: 1", "schema: 2", "schema = 2"),
+    ],
+)
+def test_a_scenario_that_makes_the_checks_meaningless_is_refused(folder, capsys, old, new, reason):
+    file = folder / evidence.SCENARIO
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+    edit_result(folder, lambda result: result.update(files=evidence.manifest(folder)))
+    code, printed = check(folder, capsys)
+    assert code == 1
+    assert "refused" in printed
+    assert reason in printed
 
 
 def test_an_edited_scenario_is_refused(folder, capsys):
@@ -326,4 +414,4 @@ def test_what_is_no_result_folder_is_bad_input(tmp_path, capsys, place):
 
 
 def test_the_fixture_folder_is_untouched():
-    assert recheck(outcome().report.parent)[0] == ()
+    assert recheck(outcome().report.parent).reasons == ()

@@ -107,11 +107,19 @@ def _check(arguments: Sequence[str]) -> int:
         allow_abbrev=False,
     )
     parser.add_argument("folder", type=Path, metavar="RESULT_DIR")
+    parser.add_argument(
+        "--gate",
+        action="append",
+        default=[],
+        type=_gate,
+        metavar="NAME=LIMIT",
+        help="judge with this limit, not the scenario's, nor that with which the result was made",
+    )
     parser.add_argument("--quiet", action="store_true", help="print only what failed")
     options = parser.parse_args(arguments)
     from verify.recheck import check_folder
 
-    return check_folder(options.folder, quiet=options.quiet)
+    return check_folder(options.folder, overrides=dict(options.gate), quiet=options.quiet)
 
 
 def _schema(arguments: Sequence[str]) -> int:

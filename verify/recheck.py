@@ -3,51 +3,85 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from verify import evidence
 from verify.evidence import EvidenceError
-from verify.judge import Judgement, compare, compare_files, gate_overrides, judge
-from verify.summary import failures, headline
+from verify.exit_codes import BAD_INPUT, FAILED, OK
+from verify.judge import Judgement, compare, compare_files, decide, examine, gate_overrides
+from verify.summary import failures, headline, limits_given
 
-OK, FAILED, NOT_A_RESULT = 0, 1, 2
+NONE: Mapping[str, float] = MappingProxyType({})
 
 
-def recheck(folder: Path) -> tuple[tuple[str, ...], Judgement | None]:
+@dataclass(frozen=True, kw_only=True)
+class Recheck:
+    """What a second look at a result folder gave."""
+
+    reasons: tuple[str, ...]  # not to believe it; empty: the result says what its evidence shows
+    judgement: Judgement | None = None  # under the scenario's limits, and those given for this check
+    # Under the limits with which the result was made, as far as none were given for this check.
+    as_made: Judgement | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Believed, and passed under both sets of limits: a wide limit in result.json excuses nothing."""
+        return not self.reasons and all(
+            judgement is not None and judgement.passed for judgement in (self.judgement, self.as_made)
+        )
+
+
+def recheck(folder: Path, overrides: Mapping[str, float] = NONE) -> Recheck:
     """Every reason not to believe the result in `folder`, and the judgement where one is possible.
 
-    Without a reason the result holds, and there is a judgement; it may still be a failed one.
+    `overrides` are limits of gates given for this check, which take precedence over the scenario's and
+    over those with which the result was made.
     """
     try:
         result = evidence.read_result(folder)
-        overrides = gate_overrides(result)
+        made = gate_overrides(result)
     except EvidenceError as error:
-        return error.reasons, None
+        return Recheck(reasons=error.reasons)
     reasons = compare_files(folder, result)
     try:
-        judgement = judge(folder, overrides)
+        findings = examine(folder)
     except EvidenceError as error:
-        return reasons + error.reasons, None
-    return reasons + compare(result, judgement), judgement
+        return Recheck(reasons=reasons + error.reasons)
+    return Recheck(
+        reasons=reasons + compare(result, decide(findings, made)),
+        judgement=decide(findings, overrides),
+        as_made=decide(findings, {**made, **overrides}),
+    )
 
 
-def check_folder(folder: Path, *, quiet: bool = False) -> int:
+def check_folder(folder: Path, *, overrides: Mapping[str, float] = NONE, quiet: bool = False) -> int:
     """Print the judgement, or why the result is refused; returns the exit code.
 
     0: judged, and all passed; 1: refused or failed; 2: not a result folder.
     """
     if not folder.is_dir() or not (folder / evidence.RESULT).is_file():
         print(f"verify: {folder}: not a result folder (it has no {evidence.RESULT})", file=sys.stderr)
-        return NOT_A_RESULT
-    reasons, judgement = recheck(folder)
-    if reasons or judgement is None:
+        return BAD_INPUT
+    found = recheck(folder, overrides)
+    if found.reasons or found.judgement is None or found.as_made is None:
         print(f"{folder}: refused")
-        for reason in dict.fromkeys(reasons):
+        for reason in dict.fromkeys(found.reasons):
             print(f"  {reason}")
         return FAILED
-    failing = failures(judgement)
-    if failing or not quiet:
-        print(f"{headline(judgement)}  {folder}")
-    for line in failing:
+    if found.passed and quiet:
+        return OK
+    print(f"{headline(found.judgement)}  {folder}")
+    made = limits_given(found.as_made, but=overrides)
+    lines = [f"the result was made with other gate limits: {made}"] if made else []
+    lines += failures(found.judgement)
+    lines += [line for line in failures(found.as_made) if line.partition(":")[0] not in _names(lines)]
+    for line in lines:
         print(f"  {line}")
-    return OK if judgement.passed else FAILED
+    return OK if found.passed else FAILED
+
+
+def _names(lines: list[str]) -> set[str]:
+    return {line.partition(":")[0] for line in lines}

@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from verify.judge import Gate, Judgement
 
 
 def headline(judgement: Judgement) -> str:
-    """Verdict, travel times and gap on one line."""
+    """Verdict, travel times, gap, and limits given on the command line, in one line."""
     parts = [f"{judgement.scenario}: {judgement.verdict}"]
     names = ("refined", "collocation", "voronoi_route")
     times = [(name, judgement.plans[name]["travel_time"]) for name in names if name in judgement.plans]
     parts += [f"{name} {time:.3f} s" for name, time in times]
     if "refinement" in judgement.gaps:
         parts.append(f"gap {round(100.0 * judgement.gaps['refinement'], 3) + 0.0:.3f} %")
+    given = limits_given(judgement)
+    if given:
+        parts.append(f"(gates overridden on the command line: {given})")
     return "  ".join(parts)
+
+
+def limits_given(judgement: Judgement, *, but: Collection[str] = ()) -> str:
+    """Limits that took precedence over the scenario's, other than those named; empty when none did."""
+    return ", ".join(
+        f"{gate.name} {gate.limit:.6g} instead of {gate.scenario_limit:.6g}"
+        for gate in judgement.gates
+        if gate.scenario_limit is not None and gate.name not in but
+    )
 
 
 def failures(judgement: Judgement) -> list[str]:

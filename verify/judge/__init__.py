@@ -7,16 +7,19 @@ from the scenario's raw numbers and the rows of the trajectory files.
 from verify.judge.compare import compare, compare_files, gate_overrides
 from verify.judge.finding import Check, Place
 from verify.judge.gates import GATE_NAMES, Gate
-from verify.judge.verdict import Judgement, judge
+from verify.judge.verdict import Findings, Judgement, decide, examine, judge
 
 __all__ = [
     "GATE_NAMES",
     "Check",
+    "Findings",
     "Gate",
     "Judgement",
     "Place",
     "compare",
     "compare_files",
+    "decide",
+    "examine",
     "gate_overrides",
     "judge",
 ]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from verify.judge.arithmetic import check_arithmetic
+from verify.judge.arithmetic import check_arithmetic, turn_errors
 from verify.judge.continuous import LeastMargin, Need, least_margin
 from verify.judge.finding import Check, Place, finding
 from verify.judge.geometry import Surroundings
@@ -24,7 +24,8 @@ VARIATIONAL_PROMISES = frozenset(
     {"boundary", "start", "goal", "clearance", "braking_distance", "speed", "travel_time"}
 )
 UNPROMISED = " (not promised by the variational model)"
-KINK_TOLERANCE = 1e-6  # [rad]: heading jump that counts as a kink; rounding gives 1e-15
+KINK_TOLERANCE = 1e-6  # [rad]: heading jumps that count as a kink, all together; rounding gives 1e-12
+CONTACT = 1e-7  # [m], of the centre from an obstacle: cannot be told from touching; ends keep 1e-6 m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,9 +92,18 @@ def _boundary(motion: Motion, setting: Setting) -> Check:
 
 
 def _clearance(motion: Motion, setting: Setting) -> Check:
-    need = Need(constant=setting.limits.radius)
-    least = least_margin(motion, setting.surroundings.distance, need)
-    return _margin_finding("clearance", least, "from the disc to the nearest obstacle at least")
+    """The disc keeps off every obstacle, and its centre crosses none.
+
+    A wall, a point or the side of a polygon has no depth, so that a path through one is nowhere far
+    inside: where the distance is proven positive all along, none is crossed. The rows of a motion join
+    up to less than `CONTACT`.
+    """
+    radius = setting.limits.radius
+    least = least_margin(motion, setting.surroundings.distance, Need(constant=radius))
+    if least.proven + radius > CONTACT:
+        return _margin_finding("clearance", least, "from the disc to the nearest obstacle at least")
+    at = Place(t=least.t, x=least.x, y=least.y)
+    return finding("clearance", -1.0, "crossing", at, "the centre touches or crosses an obstacle")
 
 
 def _braking_distance(motion: Motion, setting: Setting) -> Check:
@@ -131,10 +141,20 @@ def _end(name: str, motion: Motion, row: int, end: Any) -> Check:
         text = f"speed {motion.v[row]:.6f} m/s where {wanted:.6f} m/s is asked for"
         candidates.append((error, "m/s", text))
     if end.heading is not None:
-        error = abs(math.remainder(float(motion.heading[row]) - end.heading, 2.0 * math.pi))
+        error = abs(math.remainder(_end_heading(motion, row) - end.heading, 2.0 * math.pi))
         candidates.append((error, "rad", f"heading {error:.6f} rad off"))
     error, unit, text = max(candidates, key=lambda candidate: candidate[0])
     return finding(name, -error, unit, _row_place(motion, row), text)
+
+
+def _end_heading(motion: Motion, row: int) -> float:
+    """Heading [rad] with which the motion begins (`row` 0) or ends (-1): of the rows that take time."""
+    moving = np.flatnonzero(motion.moving)
+    if not moving.size:
+        return float(motion.heading[row])
+    last = moving[row]
+    turned = 0.0 if row == 0 else motion.curvature[last] * motion.step[last]
+    return float(motion.heading[last] + turned)
 
 
 def _start(motion: Motion, setting: Setting) -> Check:
@@ -217,7 +237,7 @@ def _steering(motion: Motion, setting: Setting) -> Check:
     text = f"curvature at most {value:.6f} 1/m, limit {limits.curvature:.6f} 1/m{free}"
     bend = finding("steering", limits.curvature - value, "1/m", at, text, scale=limits.curvature)
     checks = [bend]
-    kink = _kink(motion, rows)
+    kink = _kink(motion)
     if kink is not None:
         checks.append(kink)
     if limited:
@@ -228,33 +248,40 @@ def _steering(motion: Motion, setting: Setting) -> Check:
     return found
 
 
-def _kink(motion: Motion, rows: NDArray[np.int64]) -> Check | None:
-    """A heading that jumps between rows, which no wheel can follow; None when there is none."""
-    ends = motion.heading[rows] + motion.curvature[rows] * motion.step[rows]
-    jump = np.abs(np.remainder(motion.heading[rows[1:]] - ends[:-1] + math.pi, 2 * math.pi) - math.pi)
-    if not (jump > KINK_TOLERANCE).any():
+def _kink(motion: Motion) -> Check | None:
+    """Headings that jump between rows, which no wheel can follow; None when there are none.
+
+    Rows that take no time count too: before the first that does, after the last, and in between.
+    """
+    jump, rounding = turn_errors(motion)
+    total = float(jump.sum())
+    if total <= KINK_TOLERANCE + float(rounding.sum()):
         return None
     worst = int(np.argmax(jump))
-    text = f"the heading jumps by {jump[worst]:.6f} rad"
-    return finding("steering", -float(jump[worst]), "rad", _row_place(motion, int(rows[worst + 1])), text)
+    angle, text = float(jump[worst]), f"the heading jumps by {jump[worst]:.6f} rad"
+    if angle <= KINK_TOLERANCE:
+        angle, text = total, f"the heading jumps by {total:.3g} rad in many small steps"
+    return finding("steering", -angle, "rad", _row_place(motion, worst), text, tolerance=0.0)
 
 
 def _steering_rate(motion: Motion, rows: NDArray[np.int64], limits: Limits) -> Check:
     """Change of the steering angle between neighbouring runs of equal curvature.
 
-    Curvature jumps from row to row in this file format, and stands for a smooth change between the
-    middles of the two runs.
+    Curvature is constant in pieces in this file format. A jump stands for a steady turn of the wheels
+    with the joint in its middle, which may last as long as the shorter of both runs: then it takes no
+    more than half of each, the turns at both ends of a run do not overlap, and a wheel could follow.
     """
     curvature = motion.curvature[rows]
     first = np.concatenate([[0], np.flatnonzero(np.diff(curvature) != 0.0) + 1])
-    last = np.concatenate([first[1:] - 1, [len(rows) - 1]])
-    middle = 0.5 * (motion.t[rows[first]] + motion.t[rows[last] + 1])
+    lasting = np.add.reduceat(motion.duration[rows], first)
     angle = limits.steering_angle(curvature[first])
-    apart = np.diff(middle)  # positive unless time runs backwards, which `travel_time` finds
-    rate = np.divide(np.abs(np.diff(angle)), apart, out=np.zeros_like(apart), where=apart > 0.0)
+    rate = np.abs(np.diff(angle)) / np.minimum(lasting[1:], lasting[:-1])
     worst = int(np.argmax(rate)) if rate.size else 0
     value = float(rate[worst]) if rate.size else 0.0
-    text = f"steering rate at most {value:.6f} rad/s, limit {limits.steering_rate:.6f} rad/s"
+    text = (
+        f"steering rate at most {value:.6f} rad/s, limit {limits.steering_rate:.6f} rad/s "
+        "(curvature is constant in pieces; each jump read as a turn of the wheels over the shorter piece)"
+    )
     at = _row_place(motion, int(rows[first[min(worst + 1, len(first) - 1)]]))
     room = limits.steering_rate - value
     return finding("steering", room, "rad/s", at, text, scale=limits.steering_rate)

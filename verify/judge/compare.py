@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ TEXT_RELATIVE, TEXT_ABSOLUTE = 1e-3, 2e-6  # numbers within messages are rounded
 LISTED = 20  # differences shown
 
 # Keys that state a judgement wherever they stand: absent from ours, they must be absent from a claim.
-_JUDGED_KEYS = frozenset({"value", "worst", "violation", "at", "unpromised", "overridden"})
+_JUDGED_KEYS = frozenset({"value", "worst", "violation", "at", "unpromised", "overridden", "scenario_limit"})
 
 _DECISIVE = re.compile(r"verdict:|checks\[.*\]\.status:|gates\[.*\]\.passed:")  # told first
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
@@ -74,14 +75,17 @@ def gate_overrides(result: Mapping[str, Any]) -> dict[str, float]:
 
     Raises
     ------
-    EvidenceError : they are not numbers by gate name.
+    EvidenceError : they are not finite numbers, at least 0, by gate name.
     """
     claimed = result.get("gate_overrides", {})
     if not isinstance(claimed, Mapping):
         raise EvidenceError("result.json: gate_overrides is not an object")
     for name, limit in claimed.items():
-        if name not in GATE_NAMES or isinstance(limit, bool) or not isinstance(limit, int | float):
-            raise EvidenceError(f"result.json: gate_overrides.{name} = {limit!r}: not a gate and its limit")
+        number = isinstance(limit, int | float) and not isinstance(limit, bool)
+        if name not in GATE_NAMES or not number or not 0 <= limit <= sys.float_info.max:
+            key = name if name in GATE_NAMES else _show(name)
+            what = f"gate_overrides.{key} = {_show(limit)}"
+            raise EvidenceError(f"result.json: {what}: not a gate and its finite limit, at least 0")
     return {str(name): float(limit) for name, limit in claimed.items()}
 
 
@@ -125,6 +129,8 @@ def _agree(where: str, expected: Any, claimed: Any) -> bool:
         return claimed is expected
     if isinstance(expected, int | float):
         if isinstance(claimed, bool) or not isinstance(claimed, int | float):
+            return False
+        if abs(claimed) > sys.float_info.max:  # a whole number beyond any float
             return False
         return abs(claimed - expected) <= RELATIVE * abs(expected) + ABSOLUTE
     if isinstance(claimed, str) and (where.endswith(".message") or where.startswith("reasons[")):

@@ -29,8 +29,13 @@ class Gate:
     limit: float
     value: float | None = None
     reason: str = ""  # why it was not evaluated
-    overridden: bool = False  # the limit comes from the command line, not from the scenario
+    scenario_limit: float | None = None  # the scenario's own, where `limit` was given on the command line
     named: bool = False  # the scenario or the command line names this gate itself
+
+    @property
+    def overridden(self) -> bool:
+        """Whether the limit comes from the command line, not from the scenario."""
+        return self.scenario_limit is not None
 
     @property
     def passed(self) -> bool | None:
@@ -46,7 +51,7 @@ class Gate:
             entry["value"] = self.value
         entry |= {"limit": self.limit, "passed": self.passed, "named": self.named}
         if self.overridden:
-            entry["overridden"] = True
+            entry |= {"overridden": True, "scenario_limit": self.scenario_limit}
         if self.value is None:
             entry["reason"] = self.reason
         return entry
@@ -126,7 +131,7 @@ def gates(
             limit=float(overrides.get(name, limits[name])),
             value=values[name],
             reason=reasons[name],
-            overridden=name in overrides,
+            scenario_limit=float(limits[name]) if name in overrides else None,
             named=name in named or name in overrides,
         )
         for name in GATE_NAMES

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -15,8 +15,8 @@ from verify.judge.ends import end_cost, straight_time
 from verify.judge.finding import Check
 from verify.judge.gates import Gate, Times, gaps, gates
 from verify.judge.motion import COLUMNS, Motion
+from verify.judge.question import Question, read_question
 from verify.judge.tracking import judge_run, record_from_columns
-from vnav_drake.scenario import Scenario, ScenarioError, parse_scenario
 
 Verdict = Literal["certified", "refined", "failed"]
 
@@ -83,6 +83,19 @@ class Judgement:
         return result
 
 
+@dataclass(frozen=True, kw_only=True)
+class Findings:
+    """What the evidence in a folder shows, whatever the limits of the gates."""
+
+    question: Question
+    motions: Mapping[str, Motion]  # by plan, in the order of the plans
+    executed: str | None
+    checks: tuple[Check, ...]
+    simulation: Mapping[str, Any] | None
+    gaps: Mapping[str, float]
+    end_cost: float  # E [s]
+
+
 def judge(folder: Path, overrides: Mapping[str, float] = MappingProxyType({})) -> Judgement:
     """Judge the evidence in `folder`: the scenario, the trajectories and the recorded run.
 
@@ -93,20 +106,55 @@ def judge(folder: Path, overrides: Mapping[str, float] = MappingProxyType({})) -
     ------
     EvidenceError : evidence is missing or malformed; all faults are listed.
     """
-    data = evidence.read_bytes(folder, evidence.SCENARIO)
-    try:
-        scenario = parse_scenario(data, evidence.SCENARIO)
-    except ScenarioError as error:
-        raise EvidenceError(*str(error).splitlines()) from error
+    return decide(examine(folder), overrides)
+
+
+def examine(folder: Path) -> Findings:
+    """Every check and gap; the part of `judge` that takes time.
+
+    Raises
+    ------
+    EvidenceError : as from `judge`.
+    """
+    question = read_question(evidence.read_bytes(folder, evidence.SCENARIO))
+    setting = question.setting
     motions = _motions(folder)
     executed = _executed(folder, motions)
-    setting = Setting.from_spec(scenario.spec)
     checks: list[Check] = []
     for name, motion in motions.items():
         checks += check_motion(motion, name, MODEL_OF_PLAN[name], setting)
     simulation, tracking = _simulation(folder, motions.get(executed or ""), setting)
     checks += [tracking, _emergency_stops()]
-    return _decide(scenario, data, motions, executed, setting, checks, simulation, overrides)
+    cost, gap = _gaps(setting, motions, checks)
+    return Findings(
+        question=question,
+        motions=motions,
+        executed=executed,
+        checks=tuple(checks),
+        simulation=simulation,
+        gaps=gap,
+        end_cost=cost,
+    )
+
+
+def decide(findings: Findings, overrides: Mapping[str, float]) -> Judgement:
+    """Gates and verdict under the scenario's limits; `overrides` take precedence over them."""
+    asked, checks = findings.question, findings.checks
+    gate = gates(asked.gates, asked.named_gates, overrides, findings.gaps, checks, findings.executed)
+    verdict, reasons = _verdict(findings.motions, findings.executed, checks, gate)
+    return Judgement(
+        scenario=asked.name,
+        scenario_sha256=asked.sha256,
+        verdict=verdict,
+        reasons=reasons,
+        executed=findings.executed,
+        plans={name: _plan(name, motion, checks) for name, motion in findings.motions.items()},
+        gaps=findings.gaps,
+        end_cost=findings.end_cost,
+        simulation=findings.simulation,
+        gates=gate,
+        checks=checks,
+    )
 
 
 def _motions(folder: Path) -> dict[str, Motion]:
@@ -163,16 +211,10 @@ def _not_evaluated(name: str, message: str) -> Check:
     return Check(name=name, trajectory="simulation", status="not_evaluated", message=message)
 
 
-def _decide(
-    scenario: Scenario,
-    data: bytes,
-    motions: Mapping[str, Motion],
-    executed: str | None,
-    setting: Setting,
-    checks: list[Check],
-    simulation: dict[str, Any] | None,
-    overrides: Mapping[str, float],
-) -> Judgement:
+def _gaps(
+    setting: Setting, motions: Mapping[str, Motion], checks: list[Check]
+) -> tuple[float, dict[str, float]]:
+    """The extra time of the ends, and the gaps that can be formed."""
     time = {name: motion.travel_time for name, motion in motions.items()}
     cost = _end_cost(setting, time.get("speed_graph", time.get("collocation")))
     sound = [
@@ -188,23 +230,7 @@ def _decide(
         best_variational=min((time[name] for name in sound), default=None),
         end_cost=cost,
     )
-    gap = gaps(times)
-    gate = gates(scenario.gates, scenario.named_gates, overrides, gap, checks, executed)
-    verdict, reasons = _verdict(motions, executed, checks, gate)
-    plans = {name: _plan(name, motion, checks) for name, motion in motions.items()}
-    return Judgement(
-        scenario=scenario.name,
-        scenario_sha256=evidence.sha256(data),
-        verdict=verdict,
-        reasons=reasons,
-        executed=executed,
-        plans=plans,
-        gaps=gap,
-        end_cost=cost,
-        simulation=simulation,
-        gates=gate,
-        checks=tuple(checks),
-    )
+    return cost, gaps(times)
 
 
 def _end_cost(setting: Setting, variational: float | None) -> float:
@@ -220,7 +246,7 @@ def _end_cost(setting: Setting, variational: float | None) -> float:
     return max(cost, straight_time(*where) - variational)
 
 
-def _plan(name: str, motion: Motion, checks: list[Check]) -> dict[str, Any]:
+def _plan(name: str, motion: Motion, checks: tuple[Check, ...]) -> dict[str, Any]:
     """What the trajectory itself says about a plan: all limits of the full robot are measured.
 
     `violations` holds the normalised violation of every check that failed, promised or not;
@@ -239,7 +265,7 @@ def _plan(name: str, motion: Motion, checks: list[Check]) -> dict[str, Any]:
 
 
 def _verdict(
-    motions: Mapping[str, Motion], executed: str | None, checks: list[Check], gate: tuple[Gate, ...]
+    motions: Mapping[str, Motion], executed: str | None, checks: Sequence[Check], gate: tuple[Gate, ...]
 ) -> tuple[Verdict, tuple[str, ...]]:
     """`certified`, `refined` or `failed`, and what stands against it.
 
