@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verify.judge.arithmetic import check_arithmetic, turn_errors
-from verify.judge.continuous import LeastMargin, Need, least_margin
+from verify.judge.continuous import CONTACT, LeastMargin, Need, least_margin
 from verify.judge.finding import Check, Place, finding
 from verify.judge.geometry import Surroundings
 from verify.judge.limits import Limits
@@ -25,7 +25,6 @@ VARIATIONAL_PROMISES = frozenset(
 )
 UNPROMISED = " (not promised by the variational model)"
 KINK_TOLERANCE = 1e-6  # [rad]: heading jumps that count as a kink, all together; rounding gives 1e-12
-CONTACT = 1e-7  # [m], of the centre from an obstacle: cannot be told from touching; ends keep 1e-6 m
 
 
 @dataclass(frozen=True, kw_only=True)

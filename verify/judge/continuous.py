@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 RESOLUTION = 1e-8  # [m]: proven and attained least margins agree to this; 1 % of the check tolerance
 COARSE = 1e-3  # relative resolution where the margin is clearly negative: enough to say by how much
+CONTACT = 1e-7  # [m], of a centre from an obstacle: cannot be told from touching it; ends keep 1e-6 m
 BUDGET = 3_000_000  # distance evaluations; a coarser (still proven) bound is returned beyond it
 
 
