@@ -24,7 +24,8 @@ POINT = Robot(radius=0.0, wheelbase=0.1, max_steering=1.2)
 HALL = [(0, 0), (32, 0), (32, 31), (0, 31)]
 RACKS = [rectangle(x, y, 10.0, 5.0) for x in (4.0, 15.0) for y in (4.0, 10.0, 16.0, 22.0)]
 BOTTOM_LEFT = [(28.5, 1.9), (16.0, 2.0), (3.5, 2.0), (2.0, 3.5), (2.0, 22.0)]
-# Global lower bound of the warehouse by a certified relaxation, and the best class optimum known
+# Figures of an earlier study with other methods (a cone program over a mesh bounds every path from below,
+# Newton's method on the structure of the path gives the optimum of a class); not derived in this repository.
 WAREHOUSE_LOWER, WAREHOUSE_OPTIMUM = 25.44124, 25.4416876
 
 
@@ -200,7 +201,7 @@ def test_narrow_gaps_do_not_hide_between_knots():
     # The class through three 1 m gaps, 0.1 m of clearance in each: knots alone would cut the corners.
     through_gaps = [(28.5, 1.9), (28, 9.5), (14.5, 9.5), (14.5, 21.5), (2, 21.5), (2, 22)]
     plan = plan_variational(warehouse(), Path.polyline(through_gaps))
-    # optimum of this class by an independent method: 79.756 s
+    # optimum of this class in the same study: 79.756 s
     assert 79.755 <= plan.travel_time <= 79.756 * (1 + 1e-4)
     first = plan.details["history"][0]
     assert first["worst_violation"] > 1e-3  # so the check between knots does matter

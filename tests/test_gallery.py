@@ -15,7 +15,7 @@ FILES = sorted((ROOT / "scenarios").glob("*.yaml"))
 
 # Exact: cycloid along a wall (derived in test_collocation.py), straight line in the square-root plane,
 # L / sqrt(2 a (W - rho)) with L = 30, W - rho = 1.5 (see the file). Intervals: a certified lower bound and
-# the best class optimum known, computed independently of this code.
+# the best class optimum known, from an earlier study with other methods, not derived in this repository.
 EXACT = {
     "single_wall": 3.1956696464,
     "single_point": math.sqrt(2.0) * abs(np.sqrt(2.0 - 0.5j) - np.sqrt(-1.5 + 1.0j)),
