@@ -78,6 +78,6 @@ def test_the_voronoi_route_is_an_upper_bound_with_an_exact_time(result):
     assert route["travel_time"] >= result["plans"]["collocation"]["travel_time"] * (1.0 - 1e-6)
 
 
-def test_grip_is_held_back_only_where_the_motion_is_at_its_limit(result):
-    slowed = "grip_share" in result["plans"]["refined"]
+def test_limits_are_held_back_only_where_the_motion_is_at_its_limit(result):
+    slowed = "limit_share" in result["plans"]["refined"]
     assert slowed == (result["scenario"] in ("warehouse_slippery", "warehouse_tall"))

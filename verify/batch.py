@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import traceback
 import webbrowser
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,12 +13,11 @@ from typing import Any
 from verify import evidence
 from verify.atomic import OutputError, locked, replace_file, usable_folder
 from verify.evidence import EvidenceError
+from verify.exit_codes import BAD_INPUT, OK, UNFINISHED
 from verify.junit import Suite, write_junit
 from verify.progress import Progress
 from verify.summary import details, failures, headline
 from vnav_drake.scenario import Scenario, ScenarioError, load_scenario
-
-OK, BAD_INPUT, UNFINISHED = 0, 2, 3
 
 
 def run_files(options: argparse.Namespace) -> int:
@@ -62,7 +62,7 @@ def _load(files: list[Path]) -> tuple[list[Scenario], list[Suite]]:
 
 
 def _run_one(scenario: Scenario, options: argparse.Namespace, progress: Progress) -> tuple[int, Suite]:
-    from verify.pipeline import run_scenario  # Drake takes a second to load: not for bad input
+    from verify.pipeline import run_scenario  # loads Drake: not for bad input
 
     name = scenario.name
     try:
@@ -72,6 +72,13 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, progress: Progress
         with progress.paused():
             print(error, file=sys.stderr)
         return BAD_INPUT, Suite(name=name, error=str(error))
+    except (EvidenceError, RuntimeError, ArithmeticError, LookupError, ValueError, MemoryError) as error:
+        if options.verbose:
+            traceback.print_exc()
+        text = f"{name}: could not finish, a fault of ours: {type(error).__name__}: {error}"
+        with progress.paused():
+            print(f"verify: {text}; an earlier result is as it was", file=sys.stderr)
+        return UNFINISHED, Suite(name=name, error=text)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         text = f"{name}: {where}{error.strerror or error}; an earlier result is as it was"

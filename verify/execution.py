@@ -1,26 +1,30 @@
-"""From a plan to what the vehicle executes: driven in simulation, and slowed until it holds.
+"""From a plan to what the vehicle executes: driven in simulation, and held back until the vehicle follows.
 
-A plan at the very limit of friction or tip-over leaves nothing for the controller to correct with. Such a
-motion is planned again with a smaller share of both limits, until the simulated vehicle follows it on all
-wheels. Slowing along the same path instead costs over a hundred times as much on the slippery warehouse.
+A plan at the very limit of grip, tip-over, steering or drive leaves nothing for the controller to correct
+with. Such a motion is planned again with a smaller share of these limits, until the simulated vehicle
+follows it on all wheels. Slowing along the same path instead costs over a hundred times as much on
+the slippery warehouse.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from systems.simulation import SimulationRun, simulate
-from verify.judge.checks import Setting
-from verify.judge.motion import COLUMNS, Motion
-from verify.judge.tracking import Record, judge_run
 from vnav_drake.collocation import plan_full
 from vnav_drake.plan import Plan, Trajectory
-from vnav_drake.problem import PlanningError
+from vnav_drake.problem import PlanningError, Problem
+from vnav_drake.robot import Robot
 from vnav_drake.scenario import Scenario
 
-GRIP_SHARES = (0.975, 0.95, 0.9, 0.85, 0.8)  # of the friction and tip-over limits, tried in turn
+SHARES = (0.975, 0.95, 0.9, 0.8)  # of the limits, tried in turn
+SIDEWAYS = 0.04  # [m], from the path; the judge allows more, so that it need not be asked
+LATENESS = 0.008  # of the travel time, likewise
+LEAST_LATENESS = 0.08  # [s]
 
 
 @dataclass(frozen=True)
@@ -31,38 +35,74 @@ class Execution:
     run: SimulationRun
 
 
-def execute(scenario: Scenario, plan: Plan) -> Execution:
+def execute(
+    scenario: Scenario, plan: Plan, progress: Callable[[str], None] = lambda _text: None
+) -> Execution:
     """Drive the plan; where the vehicle strays, leave the controller part of the limits.
 
-    The plan returned has `grip_share` among its details when it was slowed, and `full_grip_time` [s], what
-    it took before. When no share helps the first run stands, for the judge to see.
+    The plan returned has `limit_share` among its details when it was held back, and `full_limit_time` [s],
+    what it took before. When no share helps the first run stands, for the judge to see.
 
     Raises
     ------
     SimulationError : the simulation could not finish.
     """
-    problem, setting = scenario.problem, Setting.from_spec(scenario.spec)
+    problem = scenario.problem
     first = Execution(plan, simulate(problem.robot, plan.trajectory))
-    if plan.path is None or _follows(first.run, plan.trajectory, setting):
+    if plan.path is None or follows(first.run, plan.trajectory):
         return first
-    for share in GRIP_SHARES:
-        robot = problem.robot
-        careful = replace(robot, friction=share * robot.friction, com_height=robot.com_height / share)
+    for share in SHARES:
+        progress(f"with {100.0 * share:g} % of the limits")
+        careful = replace(problem, robot=held_back(problem.robot, share))
+        if careful.lateral_limit <= 0.0:
+            break  # the friction reserve takes all that is left
         try:
-            slower = plan_full(replace(problem, robot=careful), plan.path, effort=scenario.plan.effort)
+            slower = plan_full(careful, plan.path, effort="quick")
+            run = simulate(problem.robot, slower.trajectory)
+            if not follows(run, slower.trajectory):
+                continue
+            return _polished(problem, careful, plan, Execution(slower, run), share, scenario.plan.effort)
         except PlanningError:
             break
-        run = simulate(robot, slower.trajectory)
-        if _follows(run, slower.trajectory, setting):
-            before = {"seeds": plan.details["seeds"], "full_grip_time": plan.travel_time}
-            return Execution(replace(slower, details={**slower.details, **before, "grip_share": share}), run)
     return first
 
 
-def _follows(run: SimulationRun, trajectory: Trajectory, setting: Setting) -> bool:
-    """Whether the judge will be content: the same rule, so that both cannot differ."""
-    motion = Motion(*(getattr(trajectory, name) for name in COLUMNS))
-    columns = (run.t, run.x, run.y, run.heading, run.v, run.lateral_acceleration)
-    record = Record(*(np.asarray(column) for column in columns))
-    goal, limits = setting.goal.position, setting.limits
-    return judge_run(record, motion, goal, setting.surroundings, limits).check.status == "passed"
+def held_back(robot: Robot, share: float) -> Robot:
+    """The robot with this share of its grip, tip-over, steering and drive limits; it brakes as before."""
+    return replace(
+        robot,
+        friction=share * robot.friction,
+        com_height=robot.com_height / share,
+        max_steering=share * robot.max_steering,
+        max_steering_rate=share * robot.max_steering_rate,
+        max_acceleration=share * robot.max_acceleration,
+    )
+
+
+def follows(run: SimulationRun, trajectory: Trajectory) -> bool:
+    """Whether the vehicle arrived on all wheels, near the path and nearly on time."""
+    if not run.details["arrived"] or run.details["wheel_lift"] or run.details["pitch_lift"]:
+        return False
+    tree = cKDTree(np.column_stack([trajectory.x, trajectory.y]))
+    _, row = tree.query(np.column_stack([run.x, run.y]))
+    heading = trajectory.heading[row]
+    dx, dy = run.x - trajectory.x[row], run.y - trajectory.y[row]
+    sideways = np.abs(dy * np.cos(heading) - dx * np.sin(heading))
+    during = run.t <= trajectory.t[-1]
+    late = run.t[during] - trajectory.t[row][during]
+    allowed = max(LATENESS * trajectory.travel_time, LEAST_LATENESS)
+    return bool(np.max(sideways[during]) <= SIDEWAYS and np.max(late) <= allowed)
+
+
+def _polished(
+    problem: Problem, careful: Problem, plan: Plan, found: Execution, share: float, effort: str
+) -> Execution:
+    """The same share at the scenario's effort, where the vehicle follows that too."""
+    chosen = found
+    if effort == "full" and found.plan.path is not None:
+        best = plan_full(careful, found.plan.path)
+        run = simulate(problem.robot, best.trajectory)
+        if follows(run, best.trajectory):
+            chosen = Execution(best, run)
+    told = {"full_limit_time": plan.travel_time, "limit_share": share, "seeds": plan.details["seeds"]}
+    return Execution(replace(chosen.plan, details={**chosen.plan.details, **told}), chosen.run)

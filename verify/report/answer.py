@@ -79,13 +79,13 @@ def _broken_by_variational(result: Result) -> str:
 
 def _held_back(result: Result) -> list[str]:
     """What was kept for the controller, where a plan at the limits could not be followed."""
-    share = number_in(result, "plans", "refined", "grip_share")
-    before = number_in(result, "plans", "refined", "full_grip_time")
+    share = number_in(result, "plans", "refined", "limit_share")
+    before = number_in(result, "plans", "refined", "full_limit_time")
     if share is None or before is None:
         return []
     return [
-        f"At the limits of friction and tip-over ({seconds(before)}) the simulated vehicle could not follow, "
-        f"so the motion was planned again with {100.0 * share:g}\u00a0% of both."
+        f"At the very limits ({seconds(before)}) the simulated vehicle could not follow, so the motion was "
+        f"planned again with {100.0 * share:g}\u00a0% of grip, tip-over, steering and drive limits."
     ]
 
 

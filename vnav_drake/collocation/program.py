@@ -18,7 +18,7 @@ from vnav_drake.collocation.mesh import Mesh
 from vnav_drake.collocation.transcription import Arcs, Transcription
 from vnav_drake.convex import ConvexPieces
 from vnav_drake.plan import Model
-from vnav_drake.problem import Problem
+from vnav_drake.problem import PlanningError, Problem
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,10 @@ def solve(
     start = np.concatenate([guess.x, guess.y, guess.theta, guess.v, [guess.length]])
     start = np.concatenate([np.clip(start, lower, upper), transcription.guess(guess)])
     begun = time.perf_counter()
-    result = SnoptSolver().Solve(prog, start, _options())
+    try:
+        result = SnoptSolver().Solve(prog, start, _options())
+    except RuntimeError as error:  # Drake wraps what a constraint raises, an interruption too
+        raise PlanningError(f"SNOPT could not go on: {error}") from error
     took = time.perf_counter() - begun
     values = result.GetSolution(z)
     x, y, theta, v = values[: layout.length].reshape(4, -1)
