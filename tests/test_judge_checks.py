@@ -385,6 +385,21 @@ def test_small_errors_of_place_and_heading_add_up_too(column: str, unit: str):
     assert check.worst == pytest.approx(-1.2e-5 if unit == "m" else -1.2e-6, rel=1e-3)
 
 
+def test_absurd_numbers_where_they_mean_nothing_buy_no_rounding():
+    # Acceleration and curvature of a row without duration, and whole turns added to all headings.
+    where = setting()
+    motion = along_hall(where)
+    jump = with_row(motion, 10, a=1e12, curvature=1e12)
+    assert failed(jump, where) == set()
+    faster = np.where(np.arange(32) > 10, 1.001, 1.0)
+    t = np.concatenate([[0.0], np.cumsum(np.diff(jump.x) / (0.5 * (faster[1:] + faster[:-1])))])
+    assert judged(replace(jump, v=faster, t=t), where)["travel_time"].unit == "m/s"
+    turned = replace(jump, heading=np.where(np.arange(32) > 10, 1e-5, 0.0))
+    assert judged(turned, where)["steering"].status == "failed"
+    wound = replace(motion, heading=2.0 * math.pi * 1e10 + 1e-5 * (np.arange(31) % 2))
+    assert {"travel_time", "steering"} <= failed(wound, where)
+
+
 def test_far_from_the_origin_only_rounding_is_allowed_for():
     # Neighbouring numbers lie 1.5e-11 m apart at 1e5 m: 20,000 rows may be off by 3e-7 m, a true error not.
     far, rows = 9.9e4, 20_000

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 SUM_TOLERANCE = 1e-8  # [m], [m/s], [rad], of all rows together: a motion of 6000 rows has 1e-11
 ROUNDINGS = 4.0  # units of rounding in each row's numbers: motions have up to 1
+MOST_HEADING = 100.0  # [rad], at the start, as scenario files allow
 CLOCK_TOLERANCE = 1e-9  # [s], the first row's time
 CLEARANCE_TOLERANCE = 1e-6  # [m]: far above rounding at 100 m, far below any real gap
 CIRCLE_WIDENING = 6e-4  # relative: planners see a circle as a polygon around it, at most this much wider
@@ -72,8 +73,10 @@ def turn_errors(motion: Motion) -> tuple[Array, Array]:
     """
     turned = motion.heading[:-1] + motion.curvature[:-1] * motion.step - motion.heading[1:]
     error = np.abs(np.remainder(turned + np.pi, 2.0 * np.pi) - np.pi)
-    angles = np.abs(motion.heading[1:]) + np.abs(motion.heading[:-1]) + 2.0 * np.pi
-    return error, _rounding(angles + np.abs(motion.curvature[:-1]) * _travel_scale(motion))
+    bend = np.where(motion.moving, np.abs(motion.curvature[:-1]), 0.0)
+    # Rounding explains no more because somebody counts headings from a million turns on.
+    largest = min(float(np.abs(motion.heading).max()), MOST_HEADING + float(np.abs(bend * motion.step).sum()))
+    return error, _rounding(2.0 * (largest + np.pi) + bend * _travel_scale(motion))
 
 
 def _row_errors(motion: Motion) -> list[_Error]:
@@ -88,7 +91,7 @@ def _row_errors(motion: Motion) -> list[_Error]:
     wide = max(float(np.abs(motion.x).max()), float(np.abs(motion.y).max()))
     clock = np.abs(motion.t[1:]) + np.abs(motion.t[:-1])
     fast = np.abs(motion.v[1:]) + np.abs(motion.v[:-1])
-    gained = _rounding(fast + np.abs(motion.a[:-1]) * clock)
+    gained = _rounding(fast + np.where(motion.moving, np.abs(motion.a[:-1]), 0.0) * clock)
     return [
         _sum(
             away,
