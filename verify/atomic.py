@@ -36,19 +36,40 @@ def deferred_signals() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread runs handlers, so nothing can interrupt this one
         return
+    before: dict[int, Any] = {number: signal.getsignal(number) for number in _DEFERRED}
     pending: list[int] = []
+    waiting = True
 
-    def remember(number: int, _frame: FrameType | None) -> None:
-        pending.append(number)
+    def remember(number: int, frame: FrameType | None) -> None:
+        if waiting:
+            pending.append(number)
+        else:  # a signal cut short the restoring of handlers below: this one is still in place
+            _act(before[number], number, frame)
 
-    before: dict[int, Any] = {number: signal.signal(number, remember) for number in _DEFERRED}
     try:
+        for number in before:
+            signal.signal(number, remember)
         yield
     finally:
+        waiting = False
         for number, handler in before.items():
-            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+            signal.signal(number, _settable(handler))
         for number in dict.fromkeys(pending):
             signal.raise_signal(number)
+
+
+def _settable(handler: Any) -> Any:
+    """A handler as `signal.signal` takes it; None stands for one that Python did not install."""
+    return signal.SIG_DFL if handler is None else handler
+
+
+def _act(handler: Any, number: int, frame: FrameType | None) -> None:
+    """Do what the handler does."""
+    if callable(handler):
+        handler(number, frame)
+    elif handler != signal.SIG_IGN:
+        signal.signal(number, signal.SIG_DFL)
+        signal.raise_signal(number)
 
 
 @contextlib.contextmanager
@@ -98,16 +119,23 @@ class ResultFolder:
             ...                 # write into folder.work
             folder.publish()
 
-    Without `publish` nothing remains.
+    Without `publish` nothing remains. The one gap in this is a signal that raises just as the block
+    ends, before `__exit__` has begun; who installs such a handler calls `discard` once more.
     """
-
-    work: Path  # the hidden folder to write into
 
     def __init__(self, out: Path, name: str) -> None:
         self.out = out
         self.name = name
         self.final = out / name
+        self._work: Path | None = None
         self._handle = -1
+
+    @property
+    def work(self) -> Path:
+        """The hidden folder to write into, within the block."""
+        if self._work is None:
+            raise RuntimeError(f"{self.final}: its folder is not open")
+        return self._work
 
     def __enter__(self) -> Self:
         """Recover from killed runs and open the hidden folder.
@@ -116,24 +144,35 @@ class ResultFolder:
         ------
         OutputError : the final folder holds something that `verify` did not write.
         """
-        with deferred_signals(), locked(self.out):
-            self._recover()
-            self._require_replaceable()
-            self.work = Path(tempfile.mkdtemp(prefix=f".{self.name}.", dir=self.out))
-            self._handle = os.open(self.work, os.O_RDONLY | os.O_DIRECTORY)
-            fcntl.flock(self._handle, fcntl.LOCK_EX)  # tells others that this run is alive
+        try:
+            with locked(self.out), deferred_signals():  # waiting for the lock can be interrupted
+                self._recover()
+                self._require_replaceable()
+                self._work = Path(tempfile.mkdtemp(prefix=f".{self.name}.", dir=self.out))
+                self._handle = os.open(self.work, os.O_RDONLY | os.O_DIRECTORY)
+                fcntl.flock(self._handle, fcntl.LOCK_EX)  # tells others that this run is alive
+        except BaseException:  # also a signal that waited: without an entered block nobody else tidies up
+            self.discard()
+            raise
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.discard()
+
+    def discard(self) -> None:
+        """Remove the hidden folder if there is one; any number of times."""
         with deferred_signals():
-            shutil.rmtree(self.work, ignore_errors=True)
-            os.close(self._handle)
+            if self._work is not None:
+                shutil.rmtree(self._work, ignore_errors=True)
+            if self._handle >= 0:
+                os.close(self._handle)
+            self._work, self._handle = None, -1
 
     def publish(self) -> None:
         """Swap the hidden folder in; files in the old one that are not ours come along."""
-        with deferred_signals(), locked(self.out):
+        with locked(self.out), deferred_signals():
             self._require_replaceable()
             backup = self.work.with_name(f"{self.work.name}.old")
             replaced = self.final.exists()

@@ -89,25 +89,47 @@ def run_scenario(
     OutputError : the folder holds something that is not a result.
     OSError : a file could not be written; an earlier result is untouched.
     """
-    with Interruption() as interruption, ResultFolder(out, scenario.name) as folder:
-        done = _run_stages(scenario, say, interruption)
-        say(f"{scenario.name}: judging")
-        _write_evidence(folder.work, scenario, done)
-        begun = time.perf_counter()
-        judgement = judge(folder.work, overrides or {})
-        done.seconds["judge"] = time.perf_counter() - begun
-        result = _result(judgement, done, overrides or {})
-        say(f"{scenario.name}: writing the report")
-        write_report(
-            folder.work / evidence.REPORT,
-            scenario=scenario,
-            result=result,
-            folder=folder.work,
-            extras=_extras(done),
-        )
-        result["files"] = evidence.manifest(folder.work)
-        evidence.write_result(folder.work, result)
-        folder.publish()
+    folder, interruption = ResultFolder(out, scenario.name), Interruption()
+    try:
+        with interruption:
+            try:
+                with folder:
+                    return _fill(folder, interruption, scenario, overrides or {}, say)
+            finally:  # once more, where a signal struck before the folder's own tidying up had begun
+                folder.discard()
+    finally:
+        interruption.restore()
+
+
+def _fill(
+    folder: ResultFolder,
+    interruption: Interruption,
+    scenario: Scenario,
+    overrides: Mapping[str, float],
+    say: Say,
+) -> Outcome:
+    def heeding(text: str) -> None:
+        interruption.check()
+        say(text)
+
+    done = _run_stages(scenario, heeding, interruption)
+    say(f"{scenario.name}: judging")
+    _write_evidence(folder.work, scenario, done)
+    begun = time.perf_counter()
+    judgement = judge(folder.work, overrides)
+    done.seconds["judge"] = time.perf_counter() - begun
+    result = _result(judgement, done, overrides)
+    say(f"{scenario.name}: writing the report")
+    write_report(
+        folder.work / evidence.REPORT,
+        scenario=scenario,
+        result=result,
+        folder=folder.work,
+        extras=_extras(done),
+    )
+    result["files"] = evidence.manifest(folder.work)
+    evidence.write_result(folder.work, result)
+    folder.publish()
     return Outcome(
         judgement=judgement,
         result=result,
@@ -160,6 +182,7 @@ def _run_stages(scenario: Scenario, say: Say, interruption: Interruption) -> _Pr
             return None
         finally:
             done.seconds[name] = time.perf_counter() - begun
+            interruption.check()  # a stage may have swallowed it
 
     def skip(name: str, needs: str) -> None:
         done.missing.append(Missing(stage=name, reason=f"not run: it needs {needs}"))
@@ -202,7 +225,7 @@ def _run_stages(scenario: Scenario, say: Say, interruption: Interruption) -> _Pr
     if refined is None:
         skip("simulation", "a refined trajectory")
     else:
-        execution = stage("simulation", lambda: execute(scenario, refined))
+        execution = stage("simulation", lambda: execute(scenario, refined, told("simulation")))
         if execution is not None:
             keep(execution.plan)
             done.run = execution.run
