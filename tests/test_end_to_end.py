@@ -1,0 +1,155 @@
+"""Small scenarios that use one limit each, from the file to the verdict."""
+
+import json
+import math
+
+import pytest
+import yaml
+
+from verify.cli import run
+
+BASE = {
+    "schema": 1,
+    "name": "s",
+    "world": {
+        "boundary": [[0, 0], [20, 0], [20, 12], [0, 12]],
+        "obstacles": [{"vertices": [[8, 0], [12, 0], [12, 5], [8, 5]]}],
+    },
+    "robot": {
+        "radius": 0.4,
+        "mass": 40.0,
+        "wheelbase": 0.5,
+        "track": 0.4,
+        "com_height": 0.12,
+        "friction": 0.6,
+        "max_braking": 1.0,
+        "max_acceleration": 1.0,
+        "max_steering": 0.6,
+    },
+    "start": {"position": [4, 3]},
+    "goal": {"position": [16, 3]},
+    "plan": {"effort": "quick"},
+}
+
+
+def verified(tmp_path, capsys, expected=0, **changes):
+    document = json.loads(json.dumps(BASE))
+    for section, keys in changes.items():
+        if isinstance(keys, dict):
+            document.setdefault(section, {}).update(keys)
+        else:
+            document[section] = keys
+    file = tmp_path / "s.yaml"
+    file.write_text(yaml.safe_dump(document))
+    code = run([str(file), "--out", str(tmp_path / "out"), "--quiet"])
+    assert code == expected, capsys.readouterr()
+    return json.loads((tmp_path / "out/s/result.json").read_text())
+
+
+def rows(tmp_path):
+    text = (tmp_path / "out/s/trajectory.csv").read_text().splitlines()
+    names = text[0].split(",")
+    first, last = (dict(zip(names, map(float, text[i].split(",")), strict=True)) for i in (1, -1))
+    return first, last
+
+
+def test_end_speeds_above_one_metre_a_second(tmp_path, capsys):
+    # A gate of its own: from and to these speeds the proven cost of ends is small beside the real one.
+    verified(tmp_path, capsys, start={"speed": 1.5}, goal={"speed": 1.2}, gates={"refinement_gap": 0.2})
+    first, last = rows(tmp_path)
+    assert first["v"] == pytest.approx(1.5, abs=1e-6)
+    assert last["v"] == pytest.approx(1.2, abs=1e-6)
+
+
+def test_a_turn_at_full_lock(tmp_path, capsys):
+    # Facing away from the goal at the start, and back at the goal: two turns with little steering.
+    result = verified(
+        tmp_path,
+        capsys,
+        robot={"max_steering": 0.48},
+        start={"speed": "rest", "heading": math.pi},
+        goal={"speed": "rest", "heading": math.pi},
+        gates={"refinement_gap": 1.0},
+    )
+    first, last = rows(tmp_path)
+    assert math.remainder(first["heading"] - math.pi, 2 * math.pi) == pytest.approx(0, abs=1e-6)
+    assert math.remainder(last["heading"] - math.pi, 2 * math.pi) == pytest.approx(0, abs=1e-6)
+    # two half turns at r = l sqrt(1/4 + 1/tan^2 omega) at least
+    radius = 0.5 * math.sqrt(0.25 + 1 / math.tan(0.48) ** 2)
+    assert result["plans"]["refined"]["length"] >= 12 + 0.5 * math.pi * radius
+
+
+def test_a_slow_steering(tmp_path, capsys):
+    result = verified(
+        tmp_path,
+        capsys,
+        robot={"max_steering_rate": 0.15},
+        start={"speed": "rest"},
+        goal={"speed": "rest"},
+        gates={"refinement_gap": 0.2},
+    )
+    assert result["plans"]["refined"]["travel_time"] > result["plans"]["collocation"]["travel_time"]
+
+
+def test_the_friction_reserve_keeps_full_braking_while_turning(tmp_path, capsys):
+    # mu g = 1.2: v^2 |kappa| <= sqrt(1.44 - 1).
+    reserve = math.sqrt(1.2**2 - 1.0)
+    verified(tmp_path, capsys, robot={"friction": 1.2 / 9.81}, braking={"friction_reserve": True})
+    for line in (tmp_path / "out/s/trajectory.csv").read_text().splitlines()[1:]:
+        v, kappa = float(line.split(",")[4]), float(line.split(",")[6])
+        assert v * v * abs(kappa) <= reserve * (1 + 1e-6)
+
+
+def test_hardly_any_friction_left_to_turn_ends_without_a_trace(tmp_path, capsys):
+    # mu g = 1.0016 leaves 0.06 m/s^2 across: possible or not, the answer is a verdict or a reason.
+    document = json.loads(json.dumps(BASE))
+    document["robot"]["friction"] = 0.1021
+    document["braking"] = {"friction_reserve": True}
+    file = tmp_path / "s.yaml"
+    file.write_text(yaml.safe_dump(document))
+    assert run([str(file), "--out", str(tmp_path / "out"), "--quiet"]) in (0, 1, 3)
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_point_robot_goes_round_a_wall(tmp_path, capsys):
+    world = {"boundary": [[0, 0], [10, 0], [10, 10], [0, 10]], "obstacles": [{"vertices": [[5, 0], [5, 8]]}]}
+    result = verified(
+        tmp_path,
+        capsys,
+        world=world,
+        robot={"radius": 0.0},
+        start={"position": [3, 3]},
+        goal={"position": [7, 3]},
+    )
+    # over the wall's end at (5, 8), not through it: at least twice the way from (3, 3) to that point
+    assert result["plans"]["refined"]["length"] >= 2 * math.dist((3, 3), (5, 8))
+
+
+@pytest.mark.parametrize("apart", [0.001, 0.05, 2.0])
+def test_short_ways_from_rest_to_rest_are_bang_bang(tmp_path, capsys, apart):
+    # T = 2 sqrt(s) at 1 m/s^2 both ways, and the gate knows that nothing is faster.
+    result = verified(
+        tmp_path,
+        capsys,
+        world={"boundary": [[0, 0], [20, 0], [20, 12], [0, 12]], "obstacles": []},
+        start={"position": [10, 6], "speed": "rest"},
+        goal={"position": [10 + apart, 6], "speed": "rest"},
+    )
+    assert result["plans"]["refined"]["travel_time"] == pytest.approx(2 * math.sqrt(apart), rel=1e-4)
+    assert result["gaps"]["refinement"] == pytest.approx(0, abs=1e-3)
+
+
+def test_several_scenarios_where_one_cannot_be_planned(tmp_path, capsys):
+    # The first has no way (exit 2), the second is fine: both are answered, the worse code wins.
+    blocked = json.loads(json.dumps(BASE))
+    blocked["name"] = "blocked"
+    blocked["world"]["obstacles"] = [{"vertices": [[8, 0], [12, 0], [12, 12], [8, 12]]}]
+    for name, document in (("blocked", blocked), ("s", BASE)):
+        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(document))
+    files = [str(tmp_path / f"{name}.yaml") for name in ("blocked", "s")]
+    assert run([*files, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr()
+    assert "blocked.yaml" in said.err
+    assert said.out.startswith("s: refined")
+    assert (tmp_path / "out/s/report.html").exists()
+    assert not (tmp_path / "out/blocked").exists()
