@@ -83,7 +83,7 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def replace_file(file: Path, write: Callable[[Path], None]) -> None:
+def replace_file(file: Path, write: Callable[[Path], object]) -> None:
     """Let `write` make a file beside `file`, then put it in its place."""
     handle, name = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
     os.close(handle)

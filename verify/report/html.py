@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import os
-import tempfile
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from verify.atomic import replace_file
 from verify.report.palette import css_variables
 from verify.report.text import plain, visible
 
@@ -62,12 +61,4 @@ def write_whole(file: Path, text: str) -> None:
     ------
     OSError : the file cannot be written; an older one is untouched.
     """
-    handle, aside = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as stream:
-            stream.write(text)
-        Path(aside).chmod(0o644)
-        Path(aside).replace(file)
-    except BaseException:
-        Path(aside).unlink(missing_ok=True)
-        raise
+    replace_file(file, lambda aside: aside.write_text(text, encoding="utf-8", newline="\n"))

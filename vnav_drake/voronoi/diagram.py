@@ -59,11 +59,6 @@ class VoronoiDiagram:
         """Clearance [m] along the borders at parameters u, (m,) or (m, k)."""
         return self.curves.distance(u) - self.radius
 
-    @property
-    def node_clearance(self) -> Array:
-        """(k,) [m]"""
-        return self.node_distance - self.radius
-
     def feature(self, cells: ArrayLike) -> Indices:
         """Features of cells: edges of the world first, then `len(world.edges)` + vertex."""
         cell = np.asarray(cells, dtype=np.int64)
