@@ -11,16 +11,20 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from judged import BASE, scenario_bytes
 from result_folder import CHANGES, contents, copy_to, outcome
+from shapely.errors import GEOSException
 
-from verify import batch, pipeline
+from verify import batch, cli, evidence, pipeline
 from verify.__main__ import main
+from verify.evidence import EvidenceError
 from verify.judge import GATE_NAMES
 from verify.junit import Suite, write_junit
 from verify.progress import Progress
 from vnav_drake.problem import PlanningError
+from vnav_drake.scenario import Scenario
 
 NAMES = "around_a_point"
 
@@ -154,6 +158,93 @@ def test_an_error_of_the_system_exits_3(tmp_path, capsys, monkeypatch):
     assert main([str(write(tmp_path)), "--out", str(tmp_path / "out")]) == 3
     assert "report.html: No space left on device" in capsys.readouterr().err
     assert list((tmp_path / "out").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        RuntimeError("wrapped\nby Drake"), ZeroDivisionError("by zero"), MemoryError(), TypeError("x"),
+        AttributeError("x"), AssertionError(), ImportError("libX11.so.6"), GEOSException("TopologyException"),
+        np.linalg.LinAlgError("singular"), EvidenceError("trajectory.csv: larger than 1 bytes"),
+    ],
+    ids=lambda fault: type(fault).__name__,
+)  # fmt: skip
+@pytest.mark.parametrize("loudness", [[], ["--verbose"]])
+def test_a_fault_in_one_scenario_is_one_line_and_the_others_run(
+    tmp_path, capsys, monkeypatch, fault, loudness
+):
+    def run(scenario: Scenario, *_: object, **__: object) -> pipeline.Outcome:
+        if scenario.name == "first":
+            raise fault
+        return outcome()
+
+    monkeypatch.setattr(pipeline, "run_scenario", run)
+    files = [str(write(tmp_path, "first.yaml", name="first")), str(write(tmp_path))]
+    junit = tmp_path / "j.xml"
+    assert main([*files, "--out", str(tmp_path / "out"), "--junit", str(junit), *loudness]) == 3
+    captured = capsys.readouterr()
+    assert captured.out.startswith(f"{NAMES}: refined")
+    said = captured.err.splitlines()
+    assert said[-1].startswith("verify: first: ")
+    assert said[-1].endswith("an earlier result is as it was")
+    wanted = bool(loudness) and not isinstance(fault, EvidenceError)
+    assert ("Traceback" in captured.err) == wanted
+    assert len(said) == 1 or wanted
+    assert ElementTree.parse(junit).getroot().get("errors") == "1"
+
+
+def test_evidence_too_large_to_judge_exits_3(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(evidence, "MAX_BYTES", 10_000)  # the trajectories are larger
+    assert main([str(write(tmp_path)), "--out", str(tmp_path / "out")]) == 3
+    said = capsys.readouterr().err
+    assert said.startswith(f"verify: {NAMES}: cannot be judged: ")
+    assert "larger than 10000 bytes" in said
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_methods_without_a_stage_are_named_and_change_no_exit_code(tmp_path, capsys):
+    plan = {"effort": "quick", "methods": ["dwa", "voronoi_route", "vc_method"]}
+    out = tmp_path / "out"
+    assert main([str(write(tmp_path, plan=plan)), "--out", str(out), "--verbose"]) == 0
+    text = capsys.readouterr().out
+    result = json.loads((out / NAMES / "result.json").read_text())
+    assert [entry["method"] for entry in result["not_available"]] == ["dwa", "vc_method"]
+    assert "voronoi_route" in result["plans"]
+    report = (out / NAMES / "report.html").read_text()
+    for entry in result["not_available"]:
+        assert f"not available {entry['method']}: {entry['reason']}" in text
+        assert entry["reason"] in report
+    assert main(["check", str(out / NAMES)]) == 0
+
+
+def loaded_by(*arguments: str) -> tuple[int, set[str]]:
+    """Exit code of a command, and the top-level modules loaded when it ends."""
+    code = (
+        "import sys\nfrom verify.__main__ import main\n"
+        "try: code = main(sys.argv[1:])\nexcept SystemExit as end: code = end.code\n"
+        "print('\\n', *{name.partition('.')[0] for name in sys.modules})\nsys.exit(code)"
+    )
+    command = [sys.executable, "-c", code, *arguments]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    return run.returncode, set(run.stdout.splitlines()[-1].split())
+
+
+def test_drake_is_loaded_only_to_plan(tmp_path):
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("schema: 1\n")
+    for code, *arguments in [
+        (0, "schema"), (0, "--help"), (2, str(bad), "--out", str(tmp_path / "out")), (2, "import"),
+        (0, "check", str(copy_to(tmp_path))),
+    ]:  # fmt: skip
+        ended, modules = loaded_by(*arguments)
+        assert ended == code, arguments
+        assert not modules & {"pydrake", "matplotlib", "pyvoronoi"}, arguments
+    for arguments in (["schema"], ["--help"]):
+        assert not loaded_by(*arguments)[1] & {"numpy", "scipy", "shapely"}, arguments
+
+
+def test_the_command_line_knows_the_gates_that_the_judge_knows():
+    assert cli._gate_names() == GATE_NAMES
 
 
 @pytest.mark.parametrize(

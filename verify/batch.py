@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from shapely.errors import ShapelyError
+
 from verify import evidence
 from verify.atomic import OutputError, locked, replace_file, usable_folder
 from verify.evidence import EvidenceError
@@ -18,6 +20,21 @@ from verify.junit import Suite, write_junit
 from verify.progress import Progress
 from verify.summary import details, failures, headline
 from vnav_drake.scenario import Scenario, ScenarioError, load_scenario
+
+# What a fault of ours, or memory running out, is raised as. Interruptions pass.
+DEFECTS = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    ImportError,
+    LookupError,
+    MemoryError,
+    NameError,
+    RuntimeError,
+    ShapelyError,
+    TypeError,
+    ValueError,
+)
 
 
 def run_files(options: argparse.Namespace) -> int:
@@ -62,21 +79,27 @@ def _load(files: list[Path]) -> tuple[list[Scenario], list[Suite]]:
 
 
 def _run_one(scenario: Scenario, options: argparse.Namespace, progress: Progress) -> tuple[int, Suite]:
-    from verify.pipeline import run_scenario  # loads Drake: not for bad input
-
     name = scenario.name
     try:
+        from verify.pipeline import run_scenario  # loads Drake: not for bad input
+
         outcome = run_scenario(scenario, options.out, overrides=dict(options.gate), say=progress.say)
         _write_index(options.out)
     except (ScenarioError, OutputError) as error:
         with progress.paused():
             print(error, file=sys.stderr)
         return BAD_INPUT, Suite(name=name, error=str(error))
-    except (EvidenceError, RuntimeError, ArithmeticError, LookupError, ValueError, MemoryError) as error:
-        if options.verbose:
-            traceback.print_exc()
-        text = f"{name}: could not finish, a fault of ours: {type(error).__name__}: {error}"
+    except EvidenceError as error:  # what was written, too large for one
+        text = f"{name}: cannot be judged: {error}"
         with progress.paused():
+            print(f"verify: {text}; an earlier result is as it was", file=sys.stderr)
+        return UNFINISHED, Suite(name=name, error=text)
+    except DEFECTS as error:
+        words = str(error).partition("\n")[0]
+        text = f"{name}: could not finish, a fault of ours: {type(error).__name__}{words and ': '}{words}"
+        with progress.paused():
+            if options.verbose:
+                traceback.print_exc()
             print(f"verify: {text}; an earlier result is as it was", file=sys.stderr)
         return UNFINISHED, Suite(name=name, error=text)
     except OSError as error:
@@ -88,6 +111,8 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, progress: Progress
     judgement = outcome.judgement
     missing = tuple(f"{item.stage}: {item.reason}" for item in outcome.missing)
     lines = [f"missing {entry}" for entry in missing]
+    if options.verbose:
+        lines += [f"not available {entry['method']}: {entry['reason']}" for entry in outcome.not_available]
     lines += details(judgement) if options.verbose else failures(judgement)
     with progress.paused():
         if outcome.exit_code != OK or not options.quiet:
@@ -104,7 +129,7 @@ def _write_index(out: Path) -> None:
     from verify.report import write_index
 
     with locked(out):
-        replace_file(out / "index.html", lambda aside: write_index(aside, _results(out)))
+        write_index(out / "index.html", _results(out))
 
 
 def _results(out: Path) -> list[tuple[str, Mapping[str, Any]]]:

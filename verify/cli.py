@@ -11,10 +11,7 @@ from collections.abc import Callable, Sequence
 from importlib import metadata
 from pathlib import Path
 
-from verify.atomic import OutputError
-from verify.judge import GATE_NAMES
-
-OK, FAILED, BAD_INPUT, UNFINISHED = 0, 1, 2, 3
+from verify.exit_codes import BAD_INPUT, OK, UNFINISHED
 
 RESERVED = ("sweep", "import")
 
@@ -38,17 +35,9 @@ def run(arguments: Sequence[str]) -> int:
         if name in RESERVED:
             _complain(f"'{name}' is reserved for a later version (a file of that name is given as ./{name})")
             return BAD_INPUT
-        if name in commands:
-            code = commands[name](arguments[1:])
-        else:
-            from verify.batch import run_files
-
-            code = run_files(_options(arguments))
+        code = commands[name](arguments[1:]) if name in commands else _verify(arguments)
         sys.stdout.flush()  # so that a reader that has gone away is noticed here
         return code
-    except OutputError as error:
-        _complain(str(error))
-        return BAD_INPUT
     except BrokenPipeError:
         # the reader of our output is gone: nobody is left to tell, and the exit must not write either
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -56,6 +45,24 @@ def run(arguments: Sequence[str]) -> int:
     except OSError as error:
         _complain(_system_message(error))
         return UNFINISHED
+
+
+def _verify(arguments: Sequence[str]) -> int:
+    options = _options(arguments)
+    from verify.atomic import OutputError
+    from verify.batch import run_files
+
+    try:
+        return run_files(options)
+    except OutputError as error:
+        _complain(str(error))
+        return BAD_INPUT
+
+
+def _gate_names() -> tuple[str, ...]:
+    from vnav_drake.scenario_spec import GatesSpec
+
+    return tuple(GatesSpec.model_fields)
 
 
 def _options(arguments: Sequence[str]) -> argparse.Namespace:
@@ -77,7 +84,7 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
         default=[],
         type=_gate,
         metavar="NAME=LIMIT",
-        help=f"override a gate's limit; gates: {', '.join(GATE_NAMES)}",
+        help=f"override a gate's limit; gates: {', '.join(_gate_names())}",
     )
     parser.add_argument("--junit", type=Path, metavar="FILE", help="also write the gates as JUnit XML")
     loudness = parser.add_mutually_exclusive_group()
@@ -89,8 +96,10 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
 
 def _gate(text: str) -> tuple[str, float]:
     name, equals, limit = text.partition("=")
-    if not equals or name not in GATE_NAMES:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected NAME=LIMIT with one of {', '.join(GATE_NAMES)}")
+    if not equals or name not in _gate_names():
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: expected NAME=LIMIT with one of {', '.join(_gate_names())}"
+        )
     try:
         value = float(limit)
     except ValueError:
@@ -127,7 +136,7 @@ def _schema(arguments: Sequence[str]) -> int:
         prog="verify schema", description="Print the JSON Schema of scenario files.", allow_abbrev=False
     )
     parser.parse_args(arguments)
-    from vnav_drake.scenario import scenario_schema
+    from vnav_drake.scenario_spec import scenario_schema
 
     print(json.dumps(scenario_schema(), indent=2))
     return OK

@@ -15,6 +15,7 @@ from systems import SimulationError, SimulationRun
 from verify import evidence
 from verify.atomic import ResultFolder
 from verify.execution import execute
+from verify.exit_codes import FAILED, OK, UNFINISHED
 from verify.interruption import Interruption
 from verify.judge import Judgement, judge
 from verify.report import ReportExtras, write_report
@@ -32,6 +33,11 @@ Say = Callable[[str], None]  # is told what is being done
 SAME_LENGTH = 1e-6  # [m]: routes no further apart in length are one
 # Facts about a plan that the judge states, so the method's own word for them is not needed.
 _JUDGED = frozenset({"travel_time", "length", "model", "feasible", "violations", "unpromised"})
+
+
+# Methods that a scenario may ask for and that no stage of this version carries out.
+ABSENT_METHODS = ("vc_method", "speed_graph", "dwa")
+ABSENT = "this version has no such stage; what is reported is found without it"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,13 +67,15 @@ class Outcome:
     result: Mapping[str, Any]
     report: FilePath
     missing: tuple[Missing, ...]
+    # Methods asked for that have no stage, each with `method` and `reason`; the exit code is as without them.
+    not_available: tuple[Mapping[str, str], ...] = ()
 
     @property
     def exit_code(self) -> int:
         """0: all passed, 1: something failed, 3: a stage could not finish or a named gate has no stage."""
         if self.missing or self.judgement.unmet_gates:
-            return 3
-        return 0 if self.judgement.passed else 1
+            return UNFINISHED
+        return OK if self.judgement.passed else FAILED
 
 
 def run_scenario(
@@ -119,6 +127,9 @@ def _fill(
     judgement = judge(folder.work, overrides)
     done.seconds["judge"] = time.perf_counter() - begun
     result = _result(judgement, done, overrides)
+    result["not_available"] = [
+        {"method": name, "reason": ABSENT} for name in scenario.plan.methods if name in ABSENT_METHODS
+    ]
     say(f"{scenario.name}: writing the report")
     write_report(
         folder.work / evidence.REPORT,
@@ -135,6 +146,7 @@ def _fill(
         result=result,
         report=folder.final / evidence.REPORT,
         missing=tuple(done.missing),
+        not_available=tuple(result["not_available"]),
     )
 
 

@@ -30,14 +30,6 @@ NOT_PROMISED = "not promised"  # failed, but by a plan whose model does not know
 MARKS = {PASSED: "✓", FAILED: "✗", NOT_EVALUATED: "–", NOT_PROMISED: "○"}
 LONGEST_UNIT = 10  # characters
 _ORDER = {FAILED: 0, NOT_EVALUATED: 1, NOT_PROMISED: 2, PASSED: 3}
-PROMISES = (
-    "boundary",
-    "start",
-    "goal",
-    "clearance",
-    "braking_distance",
-    "travel_time",
-)  # of the variational model
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -322,6 +314,10 @@ def not_evaluated(result: Result, evidence: Evidence) -> list[tuple[str, str]]:
     rows = [
         (f"Stage {words(item.get('stage'))}", words(item.get("reason")))
         for item in entries(result, "missing")
+    ]
+    rows += [
+        (f"Method {method(words(item.get('method'))).label}", words(item.get("reason")))
+        for item in entries(result, "not_available")
     ]
     rows += [
         (f"Gate {row.title.lower()}", row.reason) for row in gate_rows(result) if row.status == NOT_EVALUATED
