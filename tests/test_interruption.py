@@ -108,20 +108,21 @@ def test_a_signal_that_waited_while_the_folder_was_made_leaves_none(tmp_path, mo
 
 def test_waiting_for_the_lock_can_be_interrupted(tmp_path, monkeypatch):
     # flock is interrupted by the signal, and goes on waiting unless its handler raises.
+    waited_on = []
+
     def wait(_handle: int, _how: int) -> None:
         signal.raise_signal(signal.SIGINT)
-        pytest.fail("the signal was put off until the lock is free")
+        waited_on.append("the signal was put off until the lock is free")
 
-    monkeypatch.setattr(fcntl, "flock", wait)
-    with pytest.raises(KeyboardInterrupt), ResultFolder(tmp_path, "a"):
-        pass
-    monkeypatch.undo()
-    folder = ResultFolder(tmp_path, "a")
-    with folder:
-        monkeypatch.setattr(fcntl, "flock", wait)
+    with monkeypatch.context() as patched:
+        patched.setattr(fcntl, "flock", wait)
+        with pytest.raises(KeyboardInterrupt), ResultFolder(tmp_path, "a"):
+            pass
+    with ResultFolder(tmp_path, "a") as folder, monkeypatch.context() as patched:
+        patched.setattr(fcntl, "flock", wait)
         with pytest.raises(KeyboardInterrupt):
             folder.publish()
-        monkeypatch.undo()
+    assert waited_on == []
     assert list(tmp_path.iterdir()) == []
 
 
@@ -163,12 +164,15 @@ def test_an_interrupt_that_a_stage_swallows_ends_the_run_with_that_stage(tmp_pat
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_the_process_was_started_to_ignore_stays_ignored():
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    with Interruption(), deferred_signals():
-        signal.raise_signal(signal.SIGHUP)
-    assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
-    signal.signal(signal.SIGHUP, signal.default_int_handler)
+@pytest.mark.parametrize("number", ENDING)
+def test_what_the_process_was_started_to_ignore_stays_ignored(number):
+    signal.signal(number, signal.SIG_IGN)
+    try:
+        with Interruption(), deferred_signals():
+            signal.raise_signal(number)
+        assert signal.getsignal(number) is signal.SIG_IGN
+    finally:
+        signal.signal(number, signal.default_int_handler)
 
 
 def test_a_hang_up_ends_the_command_like_ctrl_c():
