@@ -100,7 +100,10 @@ def _polished(
     """The same share at the scenario's effort, where the vehicle follows that too."""
     chosen = found
     if effort == "full" and found.plan.path is not None:
-        best = plan_full(careful, found.plan.path)
+        try:
+            best = plan_full(careful, found.plan.path)
+        except PlanningError:
+            best = found.plan  # a finer mesh may fail where a coarse one did not
         run = simulate(problem.robot, best.trajectory)
         if follows(run, best.trajectory):
             chosen = Execution(best, run)
