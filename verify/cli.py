@@ -78,20 +78,17 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
         "--out", type=Path, default=Path("reports"), metavar="DIR", help="where results go (default: reports)"
     )
     parser.add_argument("--open", action="store_true", help="open each report in a browser")
-    parser.add_argument(
-        "--gate",
-        action="append",
-        default=[],
-        type=_gate,
-        metavar="NAME=LIMIT",
-        help=f"override a gate's limit; gates: {', '.join(_gate_names())}",
-    )
+    _add_gate(parser, f"override a gate's limit; gates: {', '.join(_gate_names())}")
     parser.add_argument("--junit", type=Path, metavar="FILE", help="also write the gates as JUnit XML")
     loudness = parser.add_mutually_exclusive_group()
     loudness.add_argument("--quiet", action="store_true", help="print only what failed")
     loudness.add_argument("--verbose", action="store_true", help="print every gate and check")
     parser.add_argument("--version", action="version", version=f"verify {metadata.version('vnav-drake')}")
     return parser.parse_args(arguments)
+
+
+def _add_gate(parser: argparse.ArgumentParser, meaning: str) -> None:
+    parser.add_argument("--gate", action="append", default=[], type=_gate, metavar="NAME=LIMIT", help=meaning)
 
 
 def _gate(text: str) -> tuple[str, float]:
@@ -116,14 +113,7 @@ def _check(arguments: Sequence[str]) -> int:
         allow_abbrev=False,
     )
     parser.add_argument("folder", type=Path, metavar="RESULT_DIR")
-    parser.add_argument(
-        "--gate",
-        action="append",
-        default=[],
-        type=_gate,
-        metavar="NAME=LIMIT",
-        help="judge with this limit, not the scenario's, nor that with which the result was made",
-    )
+    _add_gate(parser, "judge with this limit, not the scenario's, nor that with which the result was made")
     parser.add_argument("--quiet", action="store_true", help="print only what failed")
     options = parser.parse_args(arguments)
     from verify.recheck import check_folder

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import shapely
@@ -35,8 +35,9 @@ class ConvexPieces:
     solid: NDArray[np.bool_]  # (p,), False for walls and points, which have no inside
 
     @classmethod
+    @lru_cache(maxsize=4)
     def of(cls, world: World) -> ConvexPieces:
-        """Decompose the obstacles and the outside of the boundary."""
+        """Decompose the obstacles and the outside of the boundary; once a world, as it never changes."""
         frame = world.boundary.convex_hull.difference(world.boundary)
         polygons = [*world.blocked, *shapely.get_parts(frame)]
         rings = [ring for polygon in polygons if polygon.area > 0.0 for ring in convex_parts(polygon)]

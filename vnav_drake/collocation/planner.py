@@ -104,7 +104,8 @@ def _first_guess(
 
     A lone seed needs no trial and has no row.
     """
-    best, least = first_mesh(problem, seeds[0].path, budget.intervals), math.inf
+    best: Mesh | None = None
+    least = math.inf
     rows: list[dict[str, object]] = []
     for seed in seeds if len(seeds) > 1 else ():
         begun = time.perf_counter()
@@ -124,6 +125,8 @@ def _first_guess(
             if travel_time < least * (1.0 - SAME_TIME):
                 best, least = result.mesh, travel_time
         rows.append(row | {"compute_time": time.perf_counter() - begun})
+    if best is None:
+        best = first_mesh(problem, seeds[0].path, budget.intervals)
     return best, rows
 
 
