@@ -38,8 +38,10 @@ def plan_variational(
     Parameters
     ----------
     seeds : paths from start to goal, best guess first. Each is tried with one solve of a coarse mesh; the
-        fastest is refined. `details["seeds"]` has a row for each: method, travel time [s],
-        iterations, compute time [s]; no travel time when nothing safe came of it.
+        fastest is refined. `details["seeds"]` has a row for each: method, class (where the seed has one),
+        travel time [s], iterations, compute time [s]; no travel time when nothing safe came of it. A lone
+        seed needs no trial: its row is of the whole refinement. `details["fault"]` is there when the
+        solver failed in a later round; what earlier rounds found then stands.
 
     Raises
     ------
@@ -85,15 +87,22 @@ def _plan(
     report = None if progress is None else _in_seconds(progress, unit)
     result = refine(scaled, guess, model, budget, report)
     trajectory = fastest_profile(problem, result.path, model=model)
-    details = {
+    work = {
+        "iterations": sum(entry.iterations for entry in result.rounds),
+        "compute_time": time.perf_counter() - begun,
+    }
+    if not rows:
+        rows = [_row(tries[0]) | {"travel_time": trajectory.travel_time} | work]
+    details: dict[str, object] = {
         "solver": "SNOPT",
         "transcription": "arcs",
         "intervals": result.mesh.intervals,
-        "iterations": sum(entry.iterations for entry in result.rounds),
-        "compute_time": time.perf_counter() - begun,
+        **work,
         "history": [entry.in_seconds(unit) for entry in result.rounds],
         "seeds": rows,
     }
+    if result.fault:
+        details["fault"] = result.fault
     return Plan(method=method, model=model, trajectory=trajectory, path=result.path, details=details)
 
 
@@ -102,14 +111,14 @@ def _first_guess(
 ) -> tuple[Mesh, list[dict[str, object]]]:
     """The mesh of the seed that leads to the shortest time, and a row for each seed.
 
-    A lone seed needs no trial and has no row.
+    A lone seed needs no trial and has no row here.
     """
     best: Mesh | None = None
     least = math.inf
     rows: list[dict[str, object]] = []
     for seed in seeds if len(seeds) > 1 else ():
         begun = time.perf_counter()
-        row: dict[str, object] = {"method": seed.method}
+        row = _row(seed)
         if seed.travel_time is not None and seed.travel_time > least * unit * (1.0 + SAME_TIME):
             rows.append(row | {"message": "not tried: slower already in the variational model"})
             continue
@@ -128,6 +137,12 @@ def _first_guess(
     if best is None:
         best = first_mesh(problem, seeds[0].path, budget.intervals)
     return best, rows
+
+
+def _row(seed: Seed) -> dict[str, object]:
+    """Where a seed is from, for its row."""
+    named = {"class": seed.homotopy_class} if seed.homotopy_class else {}
+    return {"method": seed.method, **named}
 
 
 def _in_seconds(progress: Progress, unit: float) -> Callable[[int, float], None]:

@@ -77,6 +77,7 @@ class Refined:
     trajectory: Trajectory
     mesh: Mesh
     rounds: tuple[Round, ...]
+    fault: str = ""  # of the solver, when it ended the refinement early
 
 
 def refine(
@@ -90,7 +91,8 @@ def refine(
     """Alternate between the program and the continuous-time profile on its geometry.
 
     Knot constraints say nothing between knots, so each solution is retimed on short rows, which is
-    safe everywhere. Where program and retimed motion take different times the mesh is too coarse.
+    safe everywhere. Where program and retimed motion take different times the mesh is too coarse. A fault
+    of the solver ends the refinement; what earlier rounds found stands.
 
     Raises
     ------
@@ -99,20 +101,24 @@ def refine(
     pieces = ConvexPieces.of(problem.world)
     best: tuple[Path, Trajectory, Mesh] | None = None
     rounds: list[Round] = []
-    reason, reach, unsafe = "no round ran", FIRST_REACH, False
+    reason, fault, reach, unsafe = "no round ran", "", FIRST_REACH, False
     limit = problem.robot.max_steering_rate if model == "full" else math.inf
     allowed = limit
     for number in range(1, budget.rounds + 1):
-        solution = solve(
-            problem,
-            guess,
-            pieces,
-            model,
-            reach=reach,
-            keep_near=unsafe,
-            steering_rate=allowed,
-            transcription=transcription,
-        )
+        try:
+            solution = solve(
+                problem,
+                guess,
+                pieces,
+                model,
+                reach=reach,
+                keep_near=unsafe,
+                steering_rate=allowed,
+                transcription=transcription,
+            )
+        except PlanningError as error:
+            reason = fault = f"round {number}: {error}"
+            break
         mesh = solution.mesh
         try:
             path = solution.geometry.path(problem, model)
@@ -143,7 +149,7 @@ def refine(
         guess, reach = mesh.split(split_counts(mesh, trajectory, spare)), REACH
     if best is None:
         raise PlanningError(f"collocation found no safe geometry ({model} model): {reason}")
-    return Refined(*best, tuple(rounds))
+    return Refined(*best, tuple(rounds), fault)
 
 
 def _require_steerable(path: Path, problem: Problem) -> None:

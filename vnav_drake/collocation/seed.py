@@ -31,23 +31,29 @@ class Seed:
     path: Path
     method: str = "given"
     travel_time: float | None = None  # [s], of what it leads to in the variational model, where known
+    homotopy_class: str = ""  # its name, where known
 
 
 def first_mesh(problem: Problem, seed: Path, intervals: int) -> Mesh:
-    """A guess from `seed`: its own arcs when it is smooth and coarse, else arcs along a short cut.
+    """A guess from `seed`: its own arcs when it is smooth and coarse, else arcs along it or a short cut.
 
-    Intervals of a smooth seed are no longer than the path's length over `intervals`.
+    Intervals of a smooth and coarse seed are no longer than the path's length over `intervals`. A smooth
+    seed of many arcs gives `intervals` knots on itself with its headings; a kinked one is short-cut first.
     """
-    smooth = np.all(np.abs(seed.kinks) <= KINK_TOLERANCE)
+    smooth = bool(np.all(np.abs(seed.kinks) <= KINK_TOLERANCE))
     if smooth and len(seed.curvature) <= MOST_PIECES:
         parts = np.ceil(seed.piece_length / seed.length * intervals * (1.0 - 1e-9)).astype(np.int64)
         seed = seed.subdivided(np.maximum(parts, 1))
         theta = np.append(seed.heading, seed.end_heading[-1])
         shares = seed.piece_length / seed.length
         return _with_speed(problem, Mesh(shares, seed.x, seed.y, theta, np.ones(len(theta)), seed.length))
-    short = shortcut(problem, seed)
+    short = seed if smooth else shortcut(problem, seed)
     s = _knots(problem, short, intervals)
-    x, y, _, _ = short.at(s)
+    x, y, theta, _ = short.at(s)
+    if smooth:
+        return _with_speed(
+            problem, Mesh(np.diff(s) / short.length, x, y, theta, np.ones(len(x)), short.length)
+        )
     chord = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
     theta = np.concatenate([chord[:1], 0.5 * (chord[1:] + chord[:-1]), chord[-1:]])
     shares = np.diff(s) / short.length
