@@ -195,6 +195,7 @@ def test_left_out_keys_take_the_documented_defaults():
     assert problem.friction_reserve is False
     assert scenario.plan.homotopy_classes == 6
     assert scenario.plan.effort == "full"
+    assert (scenario.plan.graph, scenario.plan.through) == ("sampled", ())
     assert scenario.named_gates == frozenset()
     assert scenario.gates == {
         "analytic_gap": 0.01,
@@ -327,6 +328,14 @@ def test_schema_and_loader_refuse_the_same(old, new):
         jsonschema.validate(data, scenario_schema(), jsonschema.Draft202012Validator)
     with pytest.raises(ScenarioError):
         small(old, new)
+
+
+def test_a_way_through_gates_is_kept_in_its_order():
+    plan = small(
+        "start:", "plan: {methods: [speed_graph], through: [O4/O6, O3/O4], graph: published}\nstart:"
+    ).plan
+    assert plan.through == ("O4/O6", "O3/O4")
+    assert plan.graph == "published"
 
 
 def test_reference_page_explains_every_key():

@@ -41,6 +41,8 @@ class PlanSettings:
     methods: tuple[str, ...]
     homotopy_classes: int
     effort: Literal["quick", "full"]
+    graph: Literal["sampled", "published"] = "sampled"
+    through: tuple[str, ...] = ()  # gates to pass, in this order
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +109,11 @@ def _build(data: bytes, where: str, source: Path | None) -> Scenario:
         goal=_end(spec.goal),
     )
     plan = PlanSettings(
-        methods=spec.plan.methods, homotopy_classes=spec.plan.homotopy_classes, effort=spec.plan.effort
+        methods=spec.plan.methods,
+        homotopy_classes=spec.plan.homotopy_classes,
+        effort=spec.plan.effort,
+        graph=spec.plan.graph,
+        through=spec.plan.through,
     )
     return Scenario(
         name=spec.name,

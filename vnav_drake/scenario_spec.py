@@ -19,8 +19,10 @@ from pydantic import (
     Field,
     Strict,
     ValidationError,
+    ValidationInfo,
     WithJsonSchema,
     WrapValidator,
+    field_validator,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
@@ -29,6 +31,7 @@ MAX_COORDINATE = 1.0e5  # [m]: doubles lie 1.5e-11 m apart there, well below the
 MAX_VERTICES = 100_000  # of the boundary and all obstacles together
 CIRCLE_SIDES = 96  # of the polygon around a circle
 METHODS = ("voronoi_route", "vc_method", "speed_graph", "dwa")
+MOST_TOKENS = 100  # gates that a class may be asked to cross
 ZONES = ("uniform",)
 RESERVED_NAMES = (
     "index",
@@ -116,6 +119,7 @@ Zone = Annotated[
     ),
 ]
 Method = Literal["voronoi_route", "vc_method", "speed_graph", "dwa"]
+Token = Annotated[str, Field(min_length=1, max_length=250), AfterValidator(_one_line)]
 
 
 def _number(
@@ -232,7 +236,23 @@ class PlanSpec(_Section):
         default=("voronoi_route",), min_length=1, description="What seeds and what is compared."
     )
     homotopy_classes: int = Field(default=6, ge=1, le=50, description="How many of the best classes to plan.")
+    graph: Literal["sampled", "published"] = Field(
+        default="sampled", description="Speed graph that ranks the classes; published: that of Manor 2015."
+    )
+    through: Annotated[tuple[Token, ...], Strict(False)] = Field(
+        default=(),
+        max_length=MOST_TOKENS,
+        description="Plan only classes that pass these gates in this order, each named by the two "
+        "obstacles it lies between: O4/O6.",
+    )
     effort: Literal["quick", "full"] = Field(default="full", description="Budget of counted work.")
+
+    @field_validator("through")
+    @classmethod
+    def _needs_the_speed_graph(cls, through: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        if through and "speed_graph" not in info.data.get("methods", ("speed_graph",)):
+            raise PydanticCustomError("methods", "needs speed_graph among plan.methods")
+        return through
 
 
 class GatesSpec(_Section):
