@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav_drake.biarcs import biarcs
 from vnav_drake.plan import Path
 from vnav_drake.voronoi import PARABOLA, Curves
 
@@ -54,37 +55,10 @@ def parabola_biarcs(curve: Curves) -> tuple[Array, Array, Array, Array]:
     while True:
         u = p * np.sinh(np.linspace(w[0], w[1], count + 1))
         u[0], u[-1] = curve.span[0]
-        arcs = _biarcs(curve.points(u[None])[0], curve.tangents(u[None])[0])
+        arcs = biarcs(curve.points(u[None])[0], curve.tangents(u[None])[0])
         if _deviation(curve, *arcs) <= DEVIATION or count > 10_000:
             return arcs
         count = 2 * count
-
-
-def _biarcs(points: Array, tangents: Array) -> tuple[Array, Array, Array, Array]:
-    """Two arcs between each two points, tangent to both directions, with equal tangent lengths.
-
-    Standard: the tangent length d solves 2 (1 - t0.t1) d^2 + 2 v.(t0 + t1) d = v.v, v the chord.
-    """
-    t0, t1 = tangents[:-1], tangents[1:]
-    chord = np.diff(points, axis=0)
-    both = np.einsum("ij,ij->i", chord, t0 + t1)
-    apart = np.einsum("ij,ij->i", t0 - t1, t0 - t1)  # 2 (1 - t0.t1)
-    square = np.einsum("ij,ij->i", chord, chord)
-    d = square / (both + np.sqrt(both * both + apart * square))
-    middle = 0.5 * (points[:-1] + points[1:] + d[:, None] * (t0 - t1))
-    starts = np.stack([points[:-1], middle], axis=1).reshape(-1, 2)
-    ends = np.stack([middle, points[1:]], axis=1).reshape(-1, 2)
-    step = ends - starts
-    chord_length = np.hypot(step[:, 0], step[:, 1])
-    # the first arc is tangent to t0 at its start, the second to t1 at its end
-    tangent = np.stack([t0, t1], axis=1).reshape(-1, 2)
-    cross = tangent[:, 0] * step[:, 1] - tangent[:, 1] * step[:, 0]
-    half = np.arctan2(cross, np.einsum("ij,ij->i", tangent, step))  # half the turn; its sign at a start
-    half[1::2] = -half[1::2]
-    length = chord_length / np.sinc(half / np.pi)
-    heading = np.arctan2(tangent[:, 1], tangent[:, 0])
-    heading[1::2] -= 2.0 * half[1::2]
-    return starts, heading, 2.0 * half / length, length
 
 
 def _deviation(curve: Curves, starts: Array, heading: Array, bend: Array, length: Array) -> float:
