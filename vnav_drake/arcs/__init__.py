@@ -1,0 +1,8 @@
+"""Time-optimal arcs near one feature: times, tangents, derivatives and points, many at once.
+
+Manor 2015, Sec. 3.3 and Appendix B, for any speed law of `UniformBraking`.
+"""
+
+from vnav_drake.arcs.legs import Legs, leg_points, solve_legs
+
+__all__ = ["Legs", "leg_points", "solve_legs"]
