@@ -35,8 +35,8 @@ def build_gates(diagram: VoronoiDiagram, level: float) -> Gates:
     Notes
     -----
     Numbers, places and tokens of gates follow from the scenario's own order of obstacles and vertices, not
-    from coordinates: moving, turning or mirroring a scenario changes none of them, save in a world that
-    is its own mirror image, where gates that are mirror images of each other may change places.
+    from coordinates: moving, turning or mirroring a scenario changes none of them, save that a mirror may
+    move a gate between two points, or swap the numbers of two gates, that are their own mirror images.
     """
     if not 0.0 <= level < np.inf:
         raise ValueError(f"level = {level!r}: must be finite and not negative [m]")
@@ -117,7 +117,8 @@ def _passage(outlines: Outlines, feet: Array) -> _Passage:
 def _places(part: VoronoiDiagram, core: Core, outlines: Outlines, tie: float) -> tuple[Indices, Array]:
     """Row of the core and parameter of each gate: beside the narrowest place of its chain.
 
-    Where several arcs of a chain are equally narrow, the one whose feet come first in the scenario.
+    Where several arcs of a chain are equally narrow, the longest of them, and of equally long ones that
+    whose feet come first in the scenario.
     """
     curves = part.curves.take(core.arcs)
     row = np.flatnonzero((curves.least_distance <= core.least[core.chain] + tie) & ~core.gateless[core.chain])
@@ -127,7 +128,12 @@ def _places(part: VoronoiDiagram, core: Core, outlines: Outlines, tie: float) ->
     narrow = np.where(steady, curves.middle, curves.least_distance_at)
     passage = _passage(outlines, feet_of(part, border, curves.points(narrow)))
     order = np.lexsort(
-        [*(_ranks(v, tie) for v in passage.position.T[::-1]), *passage.owners.T[::-1], core.chain[row]]
+        [
+            *(_ranks(v, tie) for v in passage.position.T[::-1]),
+            *passage.owners.T[::-1],
+            _ranks(-curves.length, tie),
+            core.chain[row],
+        ]
     )
     _, first = np.unique(core.chain[row][order], return_index=True)
     pick = order[first]

@@ -49,7 +49,7 @@ class Gates:
     1. The free space F = {distance >= level} retracts onto its Voronoi arcs by moving every point straight
        away from its nearest feature until a second one is as near (C. O'Dunlaing and C. K. Yap, "A
        retraction method for planning the motion of a disc", Journal of Algorithms 6, 1985). Distance grows
-       on the way, so that nobody leaves F, and no end of an arc other than a corner of the walls is inner.
+       on the way, so the way stays in F.
     2. The points that go to an inner point p of an arc are those on the two segments from p to its feet:
        the gate. So the crossings of a path with the gate are those of its image with p, signs included.
     3. The gates lie one on each chain of the 2-core of the graph of arcs, save on trees of short chains.

@@ -39,7 +39,7 @@ def word_of(gates: Gates, motion: Trajectory | Path | ArrayLike) -> tuple[int, .
 def homotopic_polyline(world: World, path: Path) -> Array:
     """Points (n, 2) [m] on a path whose polyline is homotopic to it, and meets it at all joints.
 
-    Derived: an arc of length h lies within h/2 of its middle. Where that is no more than the distance of
+    Derived: an arc of length h lies within h/2 of its middle. Where that is less than the distance of
     the middle to the nearest feature, arc and chord lie in one free disc, where they are homotopic. Other
     arcs are halved, until they depart by less than FLAT from their chords.
     """
@@ -49,7 +49,7 @@ def homotopic_polyline(world: World, path: Path) -> Array:
         middle = np.column_stack([halved.x, halved.y])[1::2]
         doubtful = np.flatnonzero(bent)
         room = world.nearest(middle[doubtful])[0]
-        doubtful = doubtful[0.5 * path.piece_length[doubtful] > room]
+        doubtful = doubtful[0.5 * path.piece_length[doubtful] >= room]
         if len(doubtful) == 0:
             break
         parts = np.ones(len(bent), dtype=np.int64)

@@ -16,12 +16,10 @@ Indices = NDArray[np.int64]
 
 BOUNDARY = "boundary"
 DIRECT = "direct"
-ON_OUTLINE = (
-    10.0 * SNAP
-)  # [m]: a point this near to an outline lies on it; uniting obstacles moves them by SNAP
+ON_OUTLINE = 10.0 * SNAP  # [m]: a point this near to an outline lies on it; uniting moves vertices by SNAP
 
 # A name that can stand in a class name: nothing that separates, marks or counts tokens.
-_PLAIN = re.compile(r"(?![-#\s])[^,/]*(?<!\s)")
+_PLAIN = re.compile(r"(?![-#\s])[^,/\r\n]*(?<!\s)")
 _COUNTED = re.compile(r".*\.\d+")
 
 
