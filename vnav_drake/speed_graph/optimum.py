@@ -1,0 +1,163 @@
+"""The fastest path of a homotopy class, and what proves that it is.
+
+Newton's method finds a path without kinks for a given structure; where that path leaves its cells, rides
+backwards or bends at a Voronoi node, the structure is changed and Newton's method runs again. In a locally
+CAT(0) space a path without kinks that stays in its cells is the one geodesic of its class, so whatever
+led there does not matter: what is found is checked at the end.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav_drake.speed_graph.chart import Chart, along
+from vnav_drake.speed_graph.newton import FINE, Iteration, Solver, State
+from vnav_drake.speed_graph.structure import Structure
+from vnav_drake.speed_graph.surgery import Surgeon
+from vnav_drake.voronoi import VoronoiDiagram, travel_time
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+ROUNDS = 120  # changes of structure before giving up
+RETURNS = 4  # times that one structure may come back
+SAMPLES = 20  # of a leg, where it is asked whether it stays in its cell
+FINE_SAMPLES = 60
+BEYOND = 1e-7  # [m]: a leg that leaves its cell by less stays in it
+KINK = 1e-7  # [rad]: largest kink of a certified path
+
+# The four conditions of a certified optimum.
+RESIDUAL, RIDGE, CLASS, NODE = "residual", "ridge", "class", "node"
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The path found and how far it is from the least travel time of its class."""
+
+    state: State
+    time: float  # [s]
+    bound: float  # [s]: time - bound <= least time of the class, when nothing failed
+    failed: tuple[str, ...]
+    kink: float  # [rad], largest at any join
+    history: tuple[Iteration, ...]
+    rounds: int
+
+
+class ClassSolver:
+    """Finds the fastest path of a class from any path of that class."""
+
+    def __init__(self, diagram: VoronoiDiagram, chart: Chart) -> None:
+        self.diagram, self.chart = diagram, chart
+        self.solver = Solver(diagram, chart)
+        self.surgeon = Surgeon(diagram, diagram.primary)
+
+    def optimum(self, structure: Structure) -> Optimum:
+        """The fastest path that can be reached from a structure by shortening it."""
+        history: list[Iteration] = []
+        seen: Counter[object] = Counter()
+        state, settled = None, False
+        for rounds in range(ROUNDS):
+            structure = self.surgeon.tidied(structure)
+            seen[structure.signature] += 1
+            if seen[structure.signature] > RETURNS:
+                break
+            state = self.solver.solve(structure, history)
+            changed = self._changed(state)
+            if changed is None:
+                settled = True
+                break
+            structure = changed
+        if state is None:
+            raise ValueError("no structure to start from")
+        return self._judged(state, settled, tuple(history), rounds)
+
+    def _changed(self, state: State) -> Structure | None:
+        """The next structure, or None when this one is that of the optimum."""
+        surgeon, old = self.surgeon, state.structure
+        rules = (
+            surgeon.closed,
+            surgeon.settled,
+            surgeon.tidied_state,
+            surgeon.grazing,
+            self._kept_in_cells,
+            surgeon.released,
+        )
+        for rule in rules:
+            new = rule(state)
+            if new.signature != old.signature:
+                return new
+        return None
+
+    def beyond(self, state: State, samples: int) -> tuple[Array, Array, Array]:
+        """How far [m] legs are beyond the ridge of their cells: excess (n, k), positions and parts."""
+        part = 0.5 - 0.5 * np.cos(np.pi * (np.arange(samples) + 0.5) / samples)
+        cell = np.array([state.structure.pieces[i].cell for i in state.leg], dtype=np.int64)
+        points, own = along(self.chart, cell, state.flight, part)
+        true = self.chart.world.nearest(points)[0] - self.chart.radius
+        law = self.chart.law
+        if np.isfinite(law.max_speed):
+            cap = float(law.distance(law.max_speed))
+            own, true = np.minimum(own, cap), np.minimum(true, cap)
+        return own - true, points, part
+
+    def _kept_in_cells(self, state: State) -> Structure:
+        """Legs that go beyond the ridge of their cell touch it where they are farthest beyond."""
+        excess, points, _ = self.beyond(state, SAMPLES)
+        structure = state.structure
+        for row in np.flatnonzero(excess.max(axis=1) > BEYOND)[::-1]:
+            i, k = int(state.leg[row]), int(np.argmax(excess[row]))
+            found = self._ridge_at(structure.pieces[i].cell, points[row, k])
+            if found is None:
+                continue
+            border, u = found
+            step = points[row, min(k + 1, points.shape[1] - 1)] - points[row, max(k - 1, 0)]
+            tangent = self.diagram.curves.take([border]).tangents(np.array([u]))[0]
+            structure = self.surgeon.touched(structure, i, border, u, float(step @ tangent))
+        return structure
+
+    def _ridge_at(self, cell: int, point: Array) -> tuple[int, float] | None:
+        """The Voronoi arc of a cell nearest to a point, and the parameter there."""
+        border, _ = self.diagram.cell_borders(cell)
+        border = border[self.surgeon.rideable[border]]
+        if len(border) == 0:
+            return None
+        curves = self.diagram.curves.take(border)
+        low, high = np.sort(curves.span, axis=1).T
+        u = np.clip(np.einsum("ij,ij->i", point - curves.origin, curves.axis), low, high)
+        best = int(np.argmin(np.hypot(*(curves.points(u) - point).T)))
+        return int(border[best]), float(u[best])
+
+    def piece_times(self, state: State) -> Array:
+        """(m,) [s] of each piece."""
+        times = np.zeros(len(state.structure.pieces))
+        times[state.leg] = state.flight.time
+        for i, piece in enumerate(state.structure.pieces):
+            if piece.is_ride:
+                span = [[self.solver.parameter(state.structure.joins[k], piece.border) for k in (i, i + 1)]]
+                if span[0][0] != span[0][1]:
+                    curve = self.diagram.curves.take([piece.border]).cut(np.array(span))
+                    times[i] = float(travel_time(curve, self.chart.law, self.chart.radius)[0])
+        return times
+
+    def _judged(self, state: State, settled: bool, history: tuple[Iteration, ...], rounds: int) -> Optimum:
+        times = self.piece_times(state)
+        heading_in, heading_out = self.surgeon.headings(state)
+        kink = np.abs((((heading_out - heading_in)[1:-1] + np.pi) % (2.0 * np.pi)) - np.pi)
+        total = float(times.sum())
+        at = np.cumsum(times)[:-1]
+        bound = float((2.0 * np.sin(0.5 * kink) * np.minimum(at, total - at)).sum())
+        failed = []
+        at_node = np.array([j.node >= 0 for j in state.structure.joins[1:-1]], dtype=bool)
+        if state.error > FINE or kink[~at_node].max(initial=0.0) > KINK:
+            failed.append(RESIDUAL)
+        if self.beyond(state, FINE_SAMPLES)[0].max(initial=0.0) > BEYOND:
+            failed.append(RIDGE)
+        if kink[at_node].max(initial=0.0) > KINK:
+            failed.append(NODE)
+        if not settled and not failed:
+            failed.append(RESIDUAL)
+        return Optimum(state, total, bound, tuple(failed), float(kink.max(initial=0.0)), history, rounds)
