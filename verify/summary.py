@@ -10,11 +10,12 @@ from verify.judge import Gate, Judgement
 def headline(judgement: Judgement) -> str:
     """Verdict, travel times, gap, and limits given on the command line, in one line."""
     parts = [f"{judgement.scenario}: {judgement.verdict}"]
-    names = ("refined", "collocation", "voronoi_route")
+    names = ("refined", "speed_graph", "collocation", "voronoi_route")
     times = [(name, judgement.plans[name]["travel_time"]) for name in names if name in judgement.plans]
     parts += [f"{name} {time:.3f} s" for name, time in times]
-    if "refinement" in judgement.gaps:
-        parts.append(f"gap {round(100.0 * judgement.gaps['refinement'], 3) + 0.0:.3f} %")
+    for name, words in (("analytic", "analytic gap"), ("refinement", "gap")):
+        if name in judgement.gaps:
+            parts.append(f"{words} {round(100.0 * judgement.gaps[name], 3) + 0.0:.3f} %")
     given = limits_given(judgement)
     if given:
         parts.append(f"(gates overridden on the command line: {given})")

@@ -1,6 +1,14 @@
 """The report: one self-contained HTML page a scenario, and an index of all of them."""
 
+from verify.report.drawings import ClassDrawing, GraphDrawing, SpeedGraphDrawing
 from verify.report.index import write_index
 from verify.report.page import ReportExtras, write_report
 
-__all__ = ["ReportExtras", "write_index", "write_report"]
+__all__ = [
+    "ClassDrawing",
+    "GraphDrawing",
+    "ReportExtras",
+    "SpeedGraphDrawing",
+    "write_index",
+    "write_report",
+]

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 from verify.report.numbers import metres, number_in, percent, seconds, with_unit
 from verify.report.palette import method
-from verify.report.story import NOT_PROMISED, Result, check_rows, executed_plan, travel_times, verdict
+from verify.report.story import NOT_PROMISED, OPTIMA, Result, check_rows, executed_plan, travel_times, verdict
+from verify.report.story_classes import certificate, fine_percent
 from verify.report.wording import LIMITS
 
 
@@ -14,8 +15,9 @@ def answer(result: Result, *, rest_ends: bool) -> list[str]:
     """The answer in plain English, sentence by sentence."""
     plan, times = executed_plan(result), travel_times(result)
     sentences = [_gets_there(result, plan, times)]
-    optimum = times.get("collocation")
-    if optimum is not None and plan in times and plan != "collocation":
+    optimal = next((name for name in OPTIMA if name in times), "")
+    optimum = times.get(optimal)
+    if optimum is not None and plan in times and plan != optimal:
         ends = (
             ", which knows the braking limit alone and may start and end at the safe speed"
             if rest_ends
@@ -24,6 +26,7 @@ def answer(result: Result, *, rest_ends: bool) -> list[str]:
         ratio = times[plan] / optimum - 1.0
         near = _compared(ratio, "above", "below")
         sentences.append(f"That is {near} the variational optimum of {seconds(optimum)}{ends}.")
+    sentences += _analytic(result, times)
     cost, gap = number_in(result, "end_cost"), number_in(result, "gaps", "refinement")
     if cost is not None and cost > 0.0 and gap is not None:
         sentences.append(
@@ -69,10 +72,26 @@ def _gets_there(result: Result, plan: str, times: Mapping[str, float]) -> str:
     return f"The robot gets there in {seconds(times[plan])}{way}."
 
 
-def _broken_by_variational(result: Result) -> str:
-    rows = (
-        row for row in check_rows(result) if row.trajectory == "collocation" and row.status == NOT_PROMISED
+def _analytic(result: Result, times: Mapping[str, float]) -> list[str]:
+    """The speed graph against the collocation of the same model, where there are both."""
+    one, other, gap = (
+        times.get("speed_graph"),
+        times.get("collocation"),
+        number_in(result, "gaps", "analytic"),
     )
+    if one is None or other is None or gap is None:
+        return []
+    proven = certificate(result)
+    words = f"The speed graph's {seconds(one)}{f' is {proven} and' if proven else ''}"
+    return [
+        f"{words} compares with {seconds(other)} of the collocation of the same model: "
+        f"gap {fine_percent(gap)}."
+    ]
+
+
+def _broken_by_variational(result: Result) -> str:
+    optimal = next((name for name in OPTIMA if name in travel_times(result)), "")
+    rows = (row for row in check_rows(result) if row.trajectory == optimal and row.status == NOT_PROMISED)
     names = [LIMITS.get(row.name, row.name.replace("_", " ")) for row in rows]
     return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 

@@ -21,6 +21,7 @@ class MarginsData:
     executed: Sequence[Margin]
     plan: str  # method of the executed motion
     variational: Mapping[str, Margin]  # by key; empty if there is none or it is executed
+    other: str = "collocation"  # method of the variational motion
 
 
 def draw_margins(data: MarginsData) -> Sequence[Picture]:
@@ -33,7 +34,9 @@ def draw_margins(data: MarginsData) -> Sequence[Picture]:
             where = f"at {seconds(float(margin.t[i]))}, ({margin.x[i]:.2f}, {margin.y[i]:.2f}) m"
             key, title = f"margin-{margin.key}", f"{margin.name}: margin over time"
             spoken = f"Margin {margin.formula}. Least margin {least} {where}; the limit is at zero."
-            svg = _panel(margin, data.variational.get(margin.key), data.plan, key, title, spoken)
+            svg = _panel(
+                margin, data.variational.get(margin.key), (data.plan, data.other), key, title, spoken
+            )
             pictures.append(
                 Picture(
                     key=key,
@@ -47,12 +50,14 @@ def draw_margins(data: MarginsData) -> Sequence[Picture]:
     return pictures
 
 
-def _panel(margin: Margin, other: Margin | None, plan: str, key: str, title: str, spoken: str) -> Markup:
+def _panel(
+    margin: Margin, other: Margin | None, methods: tuple[str, str], key: str, title: str, spoken: str
+) -> Markup:
+    """`methods` are those of the executed motion and of the other one."""
     figure, axes = new_axes(PANEL, 190, x="time [s]", y=f"margin [{margin.unit}]")
-    look = method(plan)
+    look, variational = map(method, methods)
     low, high = min(0.0, float(margin.value.min())), float(margin.value.max())
     if other is not None:
-        variational = method("collocation")
         axes.plot(
             *thinned(other.t, other.value, 220),
             color=variational.light,

@@ -33,7 +33,7 @@ class SpeedData:
     problem: Problem
     motion: Trajectory
     plan: str  # method of `motion`
-    variational: Trajectory | None
+    variational: tuple[str, Trajectory] | None  # method and motion, when it is not the executed one
     over: Literal["path", "time"]
 
 
@@ -81,11 +81,12 @@ def _speed(data: SpeedData, described: dict[str, str], width: float, height: flo
     if problem.robot.max_speed < top:
         cap = np.full(len(x), problem.robot.max_speed)
         draw(x, cap, "v_max", LIMIT.light, LIMIT.light, LIMIT_DASH, 1.0)
-    if data.over == "time" and data.variational is not None and data.plan != "collocation":
-        other = method("collocation")
+    if data.over == "time" and data.variational is not None:
+        name, motion = data.variational
+        other = method(name)
         draw(
-            data.variational.t,
-            data.variational.v,
+            motion.t,
+            motion.v,
             "variational optimum",
             other.light,
             other.text,

@@ -12,7 +12,10 @@ import numpy as np
 
 from verify.report import story
 from verify.report.answer import answer
+from verify.report.drawings import SpeedGraphDrawing
 from verify.report.evidence import Evidence, read_evidence
+from verify.report.figures_classes import draw_class_map, draw_class_speeds, draw_newton
+from verify.report.figures_graph import draw_graphs
 from verify.report.figures_map import MapData, draw_map
 from verify.report.figures_margins import MarginsData, draw_margins
 from verify.report.figures_mesh import MeshData, draw_mesh
@@ -21,8 +24,9 @@ from verify.report.figures_time import BracketData, BracketRow, draw_bracket
 from verify.report.figures_tracking import TrackingData, draw_tracking
 from verify.report.html import render, write_whole
 from verify.report.numbers import duration, number_in, significant
-from verify.report.palette import method
+from verify.report.palette import METHODS, method
 from verify.report.series import margins, mesh_of
+from verify.report.story_classes import analytic_row, class_rows, graph_words
 from verify.report.svg import Picture
 from verify.report.wording import GLOSSARY, VERDICTS
 from vnav_drake.plan import Trajectory
@@ -45,6 +49,7 @@ class ReportExtras:
     # round, intervals, iterations, travel_time [s], worst_violation, solver_time [s]
     history: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
     timings: Mapping[str, float] = field(default_factory=dict)  # stage -> [s]
+    speed_graph: SpeedGraphDrawing = field(default_factory=SpeedGraphDrawing)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +79,7 @@ def write_report(
     """
     evidence, problem = read_evidence(folder), scenario.problem
     plan = evidence.executed_plan or "refined"
+    classes = class_rows(result)
     rest = problem.start.speed != "safe" or problem.goal.speed != "safe"
     text = render(
         "report.html",
@@ -95,6 +101,12 @@ def write_report(
         times=story.time_rows(result),
         reference=method(story.reference_plan(result)).label if story.reference_plan(result) else "",
         bracket=_bracket(result),
+        analytic=analytic_row(result),
+        looks=METHODS,
+        has_classes=bool(classes or extras.speed_graph.classes or extras.speed_graph.graphs),
+        classes=classes,
+        graph_words=graph_words(result),
+        **_class_sections(problem, extras.speed_graph),
         map=_map(problem, evidence, extras, strayed=story.strayed(result)),
         map_lines=[method(name) for name, _ in _map_lines(evidence)]
         + ([method("simulation")] if story.strayed(result) and evidence.simulation is not None else []),
@@ -108,7 +120,7 @@ def write_report(
                         motion=motion,
                         plan=plan,
                         over=over,
-                        variational=evidence.plans.get("collocation"),
+                        variational=_variational(evidence),
                     )
                 )
                 for over in ("path", "time")
@@ -116,15 +128,13 @@ def write_report(
         ),
         friction=_with_motion(
             evidence,
-            lambda motion: draw_friction(
-                FrictionData(problem=problem, motions=_compared(evidence, plan, motion))
-            ),
+            lambda _motion: draw_friction(FrictionData(problem=problem, motions=_compared(evidence, plan))),
         ),
         tip_acceleration=significant(problem.robot.tip_acceleration),
         margins=_with_motion(
             evidence, lambda motion: draw_margins(_margins(problem, evidence, plan, motion))
         ),
-        compared=[method(name) for name in ("collocation", plan) if name == plan or name in evidence.plans],
+        compared=[method(name) for name, _ in _compared(evidence, plan)],
         mesh=_mesh(problem, result, evidence, extras),
         rounds=[
             (method(name), story.history_rows(rounds)) for name, rounds in extras.history.items() if rounds
@@ -188,22 +198,40 @@ def _with_motion(evidence: Evidence, draw: Callable[[Trajectory], Sequence[Pictu
     return Section(pictures=draw(evidence.executed))
 
 
-def _compared(evidence: Evidence, plan: str, motion: Trajectory) -> list[tuple[str, Trajectory]]:
-    other = evidence.plans.get("collocation")
-    return (
-        [("collocation", other), (plan, motion)]
-        if other is not None and plan != "collocation"
-        else [(plan, motion)]
-    )
+def _variational(evidence: Evidence) -> tuple[str, Trajectory] | None:
+    """The variational optimum that is not executed itself: of the speed graph, else of the collocation."""
+    name = next((name for name in story.OPTIMA if name in evidence.plans), "")
+    return (name, evidence.plans[name]) if name not in ("", evidence.executed_plan) else None
+
+
+def _compared(evidence: Evidence, plan: str) -> list[tuple[str, Trajectory]]:
+    """The variational optimum and the executed motion, as far as there are any."""
+    other, executed = _variational(evidence), evidence.executed
+    found = [] if other is None else [other]
+    return found if executed is None else [*found, (plan, executed)]
 
 
 def _margins(problem: Problem, evidence: Evidence, plan: str, motion: Trajectory) -> MarginsData:
-    other = evidence.plans.get("collocation") if plan != "collocation" else None
+    other = _variational(evidence)
     return MarginsData(
         executed=margins(motion, problem),
         plan=plan,
-        variational={} if other is None else {margin.key: margin for margin in margins(other, problem)},
+        other="" if other is None else other[0],
+        variational={} if other is None else {margin.key: margin for margin in margins(other[1], problem)},
     )
+
+
+def _class_sections(problem: Problem, drawing: SpeedGraphDrawing) -> dict[str, Section]:
+    speeds = draw_class_speeds(problem, drawing.classes)
+    return {
+        "class_map": Section(
+            pictures=[draw_class_map(problem, drawing.classes)] if drawing.classes else (),
+            missing="" if drawing.classes else "The paths of the classes were not at hand.",
+        ),
+        "class_speeds": Section(pictures=[] if speeds is None else [speeds]),
+        "newton": Section(pictures=draw_newton(drawing.classes)),
+        "graphs": Section(pictures=draw_graphs(problem, drawing.graphs)),
+    }
 
 
 def _mesh(problem: Problem, result: Mapping[str, Any], evidence: Evidence, extras: ReportExtras) -> Section:

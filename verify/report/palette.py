@@ -89,6 +89,28 @@ LIMIT = Tone("#a3122f", "#ff8095")  # limits and violations
 BAD_FILL = Tone("#fbe3e6", "#46202a")  # ground where a limit is broken
 CASING = Tone("#2f353c", "#dfe3e8")  # outline of the line that carries the speed colours
 
+# Homotopy classes by rank, the best first: lightness alone orders them, so grey print and every colour
+# vision do too; strongest against the ground first.
+RANKS: tuple[Tone, ...] = (
+    Tone("#2a0a5e", "#fdf3b0"),
+    Tone("#66187f", "#fecb80"),
+    Tone("#9f2a7d", "#fb9d6b"),
+    Tone("#cf4763", "#ec6b66"),
+    Tone("#e0752f", "#c7508a"),
+    Tone("#d99a2b", "#9a55b4"),
+)
+
+
+def rank_tone(rank: int) -> Tone:
+    """The tone of a class of this rank, from 1; all beyond the last tone share it."""
+    return RANKS[min(max(rank, 1), len(RANKS)) - 1]
+
+
+def rank_variable(rank: int) -> str:
+    """CSS variable of `rank_tone`."""
+    return f"--rank-{min(max(rank, 1), len(RANKS))}"
+
+
 _TONES: Mapping[str, Tone] = MappingProxyType(
     {
         "--ink": INK,
@@ -102,6 +124,7 @@ _TONES: Mapping[str, Tone] = MappingProxyType(
         "--limit": LIMIT,
         "--bad-fill": BAD_FILL,
         "--casing": CASING,
+        **{rank_variable(k): tone for k, tone in enumerate(RANKS, 1)},
     }
 )
 

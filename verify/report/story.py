@@ -27,8 +27,12 @@ Result = Mapping[str, Any]
 
 PASSED, FAILED, NOT_EVALUATED = "passed", "failed", "not evaluated"
 NOT_PROMISED = "not promised"  # failed, but by a plan whose model does not know this limit
-MARKS = {PASSED: "✓", FAILED: "✗", NOT_EVALUATED: "–", NOT_PROMISED: "○"}
+CERTIFIED, NOT_CERTIFIED = "certified", "not certified"  # of the optimum of a homotopy class
+MARKS = {
+    PASSED: "✓", FAILED: "✗", NOT_EVALUATED: "–", NOT_PROMISED: "○", CERTIFIED: "✓", NOT_CERTIFIED: "○",
+}  # fmt: skip
 LONGEST_UNIT = 10  # characters
+OPTIMA = ("speed_graph", "collocation")  # plans of the variational optimum, the analytic one first
 _ORDER = {FAILED: 0, NOT_EVALUATED: 1, NOT_PROMISED: 2, PASSED: 3}
 
 
@@ -197,7 +201,7 @@ def executed_plan(result: Result) -> str:
 def reference_plan(result: Result) -> str:
     """What times are compared with: the variational optimum, else the lower bound."""
     times = travel_times(result)
-    return next((name for name in ("collocation", "lower_bound") if name in times), "")
+    return next((name for name in (*OPTIMA, "lower_bound") if name in times), "")
 
 
 def travel_times(result: Result) -> dict[str, float]:
@@ -327,11 +331,12 @@ def not_evaluated(result: Result, evidence: Evidence) -> list[tuple[str, str]]:
         for row in check_rows(result)
         if row.status == NOT_EVALUATED
     ]
+    made = [
+        name for name in METHODS if name in mapping(result, "plans") or name in ("collocation", "refined")
+    ]
     files = (
         "trajectory.csv",
-        "trajectories/voronoi_route.csv",
-        "trajectories/collocation.csv",
-        "trajectories/refined.csv",
+        *(f"trajectories/{name}.csv" for name in made),
         "simulation.csv",
         "scenario.yaml",
     )

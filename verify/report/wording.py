@@ -95,6 +95,16 @@ LIMITS: Mapping[str, str] = MappingProxyType(
     }
 )
 
+# Conditions that make the path of a class its certified optimum, by the names in result.json.
+CONDITIONS: Mapping[str, str] = MappingProxyType(
+    {
+        "residual": "tangents at its joins do not agree",
+        "ridge": "a leg leaves the cell of its nearest feature",
+        "class": "the path left the class",
+        "node": "the path bends sharply at a Voronoi node",
+    }
+)
+
 GLOSSARY: tuple[tuple[str, str, str], ...] = (
     ("Clearance d", "Distance from the robot's disc to the nearest obstacle or wall.", f"{THESIS}, Ch. 2"),
     (
@@ -125,6 +135,23 @@ GLOSSARY: tuple[tuple[str, str, str], ...] = (
         "Voronoi arc",
         "Points with two or more nearest obstacle features: locally the safest, and so the fastest, way.",
         f"{THESIS}, Sec. 3.4.5",
+    ),
+    (
+        "Speed graph",
+        "Points on the borders of the proximity cells, joined by the fastest safe paths within a cell; its "
+        "best paths in different classes are then refined to their optima.",
+        f"{THESIS}, Ch. 3, Definition 15",
+    ),
+    (
+        "Homotopy class",
+        "Paths that can be bent into each other without crossing an obstacle. Named by the gates passed, "
+        "each gate by the two obstacles it lies between. A class has one optimum.",
+        f"{THESIS}, Sec. 3.5; uniqueness derived from the curvature of the metric ds/V",
+    ),
+    (
+        "Optimality bound",
+        "Proven bound on how much faster than the given path any path of the same class can be.",
+        "Derived: first variation in a space of non-positive curvature, from the kinks at the joins",
     ),
     (
         "Collocation",
