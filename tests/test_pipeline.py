@@ -16,7 +16,8 @@ import pytest
 from judged import scenario, scenario_bytes
 from result_folder import CHANGES, contents, copy_to, outcome
 
-from verify import evidence, execution, pipeline
+from systems import SimulationError
+from verify import evidence, execution, pipeline, seeding
 from verify.judge import judge
 from verify.pipeline import plain, run_scenario
 from verify.recheck import recheck
@@ -107,7 +108,7 @@ def test_without_collocation_the_rest_is_judged_and_reported(tmp_path, monkeypat
 
 
 def test_without_simulation_nothing_passes_unseen(tmp_path, monkeypatch):
-    error = pipeline.SimulationError("diverged at t = 1 s")
+    error = SimulationError("diverged at t = 1 s")
     result = run_with(monkeypatch, tmp_path, simulate=error)
     assert result.exit_code == 3
     assert result.judgement.verdict == "failed"
@@ -126,7 +127,7 @@ def test_without_a_variational_plan_the_full_one_starts_from_the_route(tmp_path,
 
 def test_a_plan_without_a_path_is_a_stage_that_cannot_finish():
     with pytest.raises(PlanningError, match="gave no path"):
-        pipeline._path_of(replace(plan_voronoi_route(scenario(**CHANGES).problem), path=None))
+        seeding.path_of(replace(plan_voronoi_route(scenario(**CHANGES).problem), path=None))
 
 
 def test_no_path_is_bad_input_and_touches_nothing(tmp_path):

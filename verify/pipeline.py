@@ -4,59 +4,39 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from systems import SimulationError, SimulationRun
 from verify import evidence
+from verify.analytic import run_speed_graph
 from verify.atomic import ResultFolder
 from verify.execution import execute
 from verify.exit_codes import FAILED, OK, UNFINISHED
 from verify.interruption import Interruption
 from verify.judge import Judgement, judge
-from verify.report import ReportExtras, write_report
+from verify.report import ReportExtras, SpeedGraphDrawing, write_report
+from verify.seeding import route_seeds, with_times
+from verify.stages import Missing, Progress, Say, Stages
 from verify.versions import versions
 from vnav_drake.collocation import Seed, plan_full, plan_variational
-from vnav_drake.plan import Path, Plan
-from vnav_drake.problem import NoPathError, PlanningError, Problem
+from vnav_drake.homotopy import Gates, build_gates, class_of
+from vnav_drake.plan import Plan
 from vnav_drake.scenario import Scenario
 from vnav_drake.voronoi import VoronoiDiagram, build_diagram
-from vnav_drake.voronoi_route import k_best_routes, plan_voronoi_route
+from vnav_drake.voronoi_route import plan_voronoi_route
 
-T = TypeVar("T")
-Say = Callable[[str], None]  # is told what is being done
-
-SAME_LENGTH = 1e-6  # [m]: routes no further apart in length are one
 # Facts about a plan that the judge states, so the method's own word for them is not needed.
 _JUDGED = frozenset({"travel_time", "length", "model", "feasible", "violations", "unpromised"})
 
 
+SEEDING = ("speed_graph", "voronoi_route")  # methods that seed the collocation, in their order
 # Methods that a scenario may ask for and that no stage of this version carries out.
-ABSENT_METHODS = ("vc_method", "speed_graph", "dwa")
+ABSENT_METHODS = ("vc_method", "dwa")
 ABSENT = "this version has no such stage; what is reported is found without it"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Missing:
-    """A stage that could not finish."""
-
-    stage: str
-    reason: str
-
-
-@dataclass(kw_only=True)
-class _Progress:
-    """What the stages have given so far."""
-
-    plans: dict[str, Plan] = field(default_factory=dict)
-    diagram: VoronoiDiagram | None = None
-    run: SimulationRun | None = None
-    missing: list[Missing] = field(default_factory=list)
-    seconds: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,101 +130,86 @@ def _fill(
     )
 
 
-def _seeds(problem: Problem, diagram: VoronoiDiagram, route: Plan, most: int) -> list[Seed]:
-    """The route, then the other fastest ones along Voronoi arcs."""
-    seeds = [Seed(_path_of(route), route.method)]
-    try:
-        others = k_best_routes(problem, diagram, most)
-    except NoPathError:  # the route found is the straight way, and the only one
-        others = []
-    for path in others:
-        if all(abs(path.length - seed.path.length) > SAME_LENGTH for seed in seeds):
-            seeds.append(Seed(path, route.method))
-    return seeds[:most]
-
-
-def _with_times(seeds: list[Seed], plan: Plan) -> list[Seed]:
-    """The variational optimum first, then the seeds with what they led to."""
-    rows = plan.details["seeds"] or [{}]
-    known = [replace(seed, travel_time=row.get("travel_time")) for seed, row in zip(seeds, rows, strict=True)]
-    return [Seed(_path_of(plan), plan.method), *known]
-
-
-def _path_of(plan: Plan) -> Path:
-    if plan.path is None:
-        raise PlanningError(f"{plan.method} gave no path to start from")
-    return plan.path
-
-
-def _run_stages(scenario: Scenario, say: Say, interruption: Interruption) -> _Progress:
+def _run_stages(scenario: Scenario, say: Say, interruption: Interruption) -> Progress:
     """Each stage from what came before; what cannot finish is noted, and what does not need it goes on."""
-    problem, effort = scenario.problem, scenario.plan.effort
-    done = _Progress()
-
-    def stage(name: str, work: Callable[[], T]) -> T | None:
-        say(f"{scenario.name}: {name.replace('_', ' ')}")
-        begun = time.perf_counter()
-        try:
-            return work()
-        except NoPathError as error:
-            raise scenario.error("goal.position", str(error)) from error
-        except (PlanningError, SimulationError) as error:
-            interruption.check()
-            done.missing.append(Missing(stage=name, reason=str(error)))
-            return None
-        finally:
-            done.seconds[name] = time.perf_counter() - begun
-            interruption.check()  # a stage may have swallowed it
-
-    def skip(name: str, needs: str) -> None:
-        done.missing.append(Missing(stage=name, reason=f"not run: it needs {needs}"))
-
-    def told(name: str) -> Say:
-        return lambda text: say(f"{scenario.name}: {name}, {text}")
-
-    def keep(plan: Plan | None) -> Plan | None:
-        if plan is not None:
-            done.plans[plan.method] = plan
-        return plan
-
-    diagram = done.diagram = stage("voronoi", lambda: build_diagram(problem.world, problem.robot.radius))
-    route = None
+    stages = Stages(scenario=scenario, say=say, interruption=interruption)
+    done, problem = stages.done, scenario.problem
+    diagram = done.diagram = stages.run("voronoi", lambda: build_diagram(problem.world, problem.robot.radius))
     if diagram is None:
-        skip("voronoi_route", "the Voronoi diagram")
+        for name in SEEDING:
+            if name in scenario.plan.methods:
+                stages.skip(name, "the Voronoi diagram")
+        seeds: list[Seed] = []
     else:
-        route = keep(stage("voronoi_route", lambda: plan_voronoi_route(problem, diagram)))
-    seeds = None
-    if diagram is not None and route is not None:
-        most = scenario.plan.homotopy_classes
-        seeds = stage("seeds", lambda: _seeds(problem, diagram, route, most))
-    if seeds is None:
-        skip("collocation", "a seed")
-        skip("refined", "a seed")
-    else:
-        best = keep(
-            stage(
-                "collocation",
-                lambda: plan_variational(problem, seeds, effort=effort, progress=told("collocation")),
-            )
-        )
-
-        def refine() -> Plan:
-            starts = seeds if best is None else _with_times(seeds, best)
-            return plan_full(problem, starts, effort=effort, progress=told("refined"))
-
-        keep(stage("refined", refine))
+        gates = done.gates = build_gates(diagram, problem.robot.radius + problem.braking.margin)
+        _require_known(scenario, gates)
+        seeds = _seeds(stages, diagram, gates)
+        _optimise(stages, seeds, gates)
+    if not seeds:
+        stages.skip("collocation", "a seed")
+        stages.skip("refined", "a seed")
     refined = done.plans.get("refined")
     if refined is None:
-        skip("simulation", "a refined trajectory")
+        stages.skip("simulation", "a refined trajectory")
     else:
-        execution = stage("simulation", lambda: execute(scenario, refined, told("simulation")))
+        told = stages.told("simulation")
+        execution = stages.run("simulation", lambda: execute(scenario, refined, told))
         if execution is not None:
-            keep(execution.plan)
+            done.keep(execution.plan)
             done.run = execution.run
     return done
 
 
-def _write_evidence(folder: FilePath, scenario: Scenario, done: _Progress) -> None:
+def _seeds(stages: Stages, diagram: VoronoiDiagram, gates: Gates) -> list[Seed]:
+    """A seed for each class of the speed graph and each route along Voronoi arcs, as far as asked for.
+
+    Where neither gives one, the routes step in: something must seed the rest.
+    """
+    done, problem, settings = stages.done, stages.scenario.problem, stages.scenario.plan
+    seeds: list[Seed] = []
+    if "speed_graph" in settings.methods:
+        told = stages.told("speed graph")
+        found = stages.run("speed_graph", lambda: run_speed_graph(problem, diagram, settings, told))
+        if found is not None:
+            done.analytic = found
+            done.keep(found.plan)
+            seeds += found.seeds
+    if "voronoi_route" in settings.methods or not seeds:
+        route = done.keep(stages.run("voronoi_route", lambda: plan_voronoi_route(problem, diagram)))
+        if route is not None:
+            most, through = settings.homotopy_classes, settings.through
+            seeds += (
+                stages.run("seeds", lambda: route_seeds(problem, diagram, gates, route, most, through)) or []
+            )
+    return seeds
+
+
+def _optimise(stages: Stages, seeds: Sequence[Seed], gates: Gates) -> None:
+    """The collocation of both models, where there are seeds."""
+    if not seeds:
+        return
+    problem, effort, done = stages.scenario.problem, stages.scenario.plan.effort, stages.done
+    told = stages.told("collocation")
+    best = done.keep(
+        stages.run("collocation", lambda: plan_variational(problem, seeds, effort=effort, progress=told))
+    )
+
+    def refine() -> Plan:
+        starts = seeds if best is None else with_times(seeds, best, gates)
+        return plan_full(problem, starts, effort=effort, progress=stages.told("refined"))
+
+    done.keep(stages.run("refined", refine))
+
+
+def _require_known(scenario: Scenario, gates: Gates) -> None:
+    for i, token in enumerate(scenario.plan.through):
+        try:
+            gates.matches((), (token,))
+        except ValueError as error:
+            raise scenario.error(f"plan.through[{i}]", str(error)) from error
+
+
+def _write_evidence(folder: FilePath, scenario: Scenario, done: Progress) -> None:
     (folder / evidence.SCENARIO).write_bytes(scenario.data)
     (folder / evidence.TRAJECTORIES).mkdir()
     for name, plan in done.plans.items():
@@ -256,11 +221,13 @@ def _write_evidence(folder: FilePath, scenario: Scenario, done: _Progress) -> No
         done.run.to_csv(folder / evidence.SIMULATION)
 
 
-def _result(judgement: Judgement, done: _Progress, overrides: Mapping[str, float]) -> dict[str, Any]:
+def _result(judgement: Judgement, done: Progress, overrides: Mapping[str, float]) -> dict[str, Any]:
     """result.json without the manifest: what the judge found, and what is known of how it was made."""
     result: dict[str, Any] = {"schema": evidence.SCHEMA, **judgement.as_result()}
     for name, plan in done.plans.items():
         facts = {key: value for key, value in plain(plan.details).items() if key not in _JUDGED}
+        if done.gates is not None:
+            facts["class"] = class_of(done.gates, plan.trajectory)
         result["plans"][name] |= facts | {"compute_time": done.seconds[name]}
     if done.run is not None and "simulation" in result:
         figures = result["simulation"]
@@ -275,11 +242,16 @@ def _result(judgement: Judgement, done: _Progress, overrides: Mapping[str, float
     return result
 
 
-def _extras(done: _Progress) -> ReportExtras:
+def _extras(done: Progress) -> ReportExtras:
     history = {
         name: plan.details["history"] for name, plan in done.plans.items() if "history" in plan.details
     }
-    return ReportExtras(diagram=done.diagram, history=history, timings=dict(done.seconds))
+    return ReportExtras(
+        diagram=done.diagram,
+        history=history,
+        timings=dict(done.seconds),
+        speed_graph=SpeedGraphDrawing() if done.analytic is None else done.analytic.drawing,
+    )
 
 
 def plain(value: Any) -> Any:

@@ -1,0 +1,86 @@
+"""Stages one after the other: what each gave, how long it took, and what could not finish."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from systems import SimulationError, SimulationRun
+from verify.analytic import Analytic
+from verify.interruption import Interruption
+from vnav_drake.homotopy import Gates
+from vnav_drake.plan import Plan
+from vnav_drake.problem import NoPathError, PlanningError
+from vnav_drake.scenario import Scenario
+from vnav_drake.voronoi import VoronoiDiagram
+
+T = TypeVar("T")
+Say = Callable[[str], None]  # is told what is being done
+
+
+@dataclass(frozen=True, kw_only=True)
+class Missing:
+    """A stage that could not finish."""
+
+    stage: str
+    reason: str
+
+
+@dataclass(kw_only=True)
+class Progress:
+    """What the stages have given so far."""
+
+    plans: dict[str, Plan] = field(default_factory=dict)
+    diagram: VoronoiDiagram | None = None
+    gates: Gates | None = None
+    analytic: Analytic | None = None
+    run: SimulationRun | None = None
+    missing: list[Missing] = field(default_factory=list)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def keep(self, plan: Plan | None) -> Plan | None:
+        """Note a plan under its method; what is None is passed through."""
+        if plan is not None:
+            self.plans[plan.method] = plan
+        return plan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stages:
+    """Runs the stages of one scenario."""
+
+    scenario: Scenario
+    say: Say
+    interruption: Interruption
+    done: Progress = field(default_factory=Progress)
+
+    def run(self, name: str, work: Callable[[], T]) -> T | None:
+        """What `work` gives; None when it cannot finish, which is noted.
+
+        Raises
+        ------
+        ScenarioError : there is no path for this robot.
+        """
+        self.say(f"{self.scenario.name}: {name.replace('_', ' ')}")
+        begun = time.perf_counter()
+        try:
+            return work()
+        except NoPathError as error:
+            raise self.scenario.error("goal.position", str(error)) from error
+        except (PlanningError, SimulationError) as error:
+            self.interruption.check()
+            self.done.missing.append(Missing(stage=name, reason=str(error)))
+            return None
+        finally:
+            self.done.seconds[name] = time.perf_counter() - begun
+            self.interruption.check()  # a stage may have swallowed it
+
+    def skip(self, name: str, needs: str) -> None:
+        """Note a stage that cannot begin."""
+        self.done.missing.append(Missing(stage=name, reason=f"not run: it needs {needs}"))
+
+    def told(self, name: str) -> Say:
+        """Where a stage may tell how far it is."""
+        return lambda text: self.say(f"{self.scenario.name}: {name}, {text}")
