@@ -2,7 +2,8 @@
 
 Residuals, one a join that can move, with u the unit tangent of its border (Manor 2015, Sec. 3.6):
 
-* CROSS: (t_in - t_out) . u, which is dT by the travel time along the border;
+* CROSS: the kink, the angle from t_out to t_in. It vanishes with dT = (t_in - t_out) . u, but not where the
+  path is reflected at the border, which is also stationary;
 * ATTACH, LEAVE: the angle between the leg and the ride. Its zero is an inflection of T, so T itself is not
   what is minimised; and a leg that comes from ahead has an angle beyond a right one, where u x t would
   lead to a path that turns on the spot.
@@ -32,6 +33,7 @@ ITERATIONS = 40
 MOVING = (Kind.CROSS, Kind.ATTACH, Kind.LEAVE)
 REACH = 0.7  # longest step, as a part of the distance to the nearest feature
 BACKTRACKS = 5
+NEAR = 0.02  # [rad]: with smaller residuals Newton's step is trusted
 SHORTEST = 1e-9  # [m]: legs shorter than this have met
 OVERLAP = 1e-10  # [m]: a shorter ride has no length
 EDGE = 1e-9  # [m]: a join this near to the end of its border is at the node
@@ -100,11 +102,11 @@ class Solver:
         kind = np.array([j.kind.value for j in joins])
         residual = np.zeros(len(joins))
         cross, attach, leave = (kind == k.value for k in (Kind.CROSS, Kind.ATTACH, Kind.LEAVE))
-        residual[cross] = np.cos(heading_in - tangent)[cross] - np.cos(heading_out - tangent)[cross]
+        residual[cross] = _wrapped(heading_in - heading_out)[cross]
         onward = self._onward(structure, tangent)
         residual[attach] = _wrapped(heading_in - onward)[attach]
         residual[leave] = _wrapped(heading_out - onward)[leave]
-        jacobian = self._jacobian(joins, leg, flight, tangent)
+        jacobian = self._jacobian(joins, leg, flight)
         bound = self._pushed(joins, residual, jacobian)
         return State(structure, place, leg, flight, tangent, residual, jacobian, bound, self._rides(structure))
 
@@ -149,7 +151,7 @@ class Solver:
             if state.error <= RESIDUAL:
                 break
             step = self._step(state)
-            closing = self._closing(state, step)
+            step, closing = self._closing(state, step)
             if closing:
                 return replace(state, closing=closing)
             size = np.abs(step) / self._scale(state)
@@ -179,8 +181,23 @@ class Solver:
                 out.append((i, piece.sweep * (u1 - u0), piece.sweep * float(step[i + 1] - step[i])))
         return out
 
-    def _closing(self, state: State, step: Array) -> tuple[int, ...]:
-        return tuple(i for i, gap, gain in self._gaps(state, step) if gap <= OVERLAP and gain < 0.0)
+    def _closing(self, state: State, step: Array) -> tuple[Array, tuple[int, ...]]:
+        """The step, and rides of no length that would turn round.
+
+        While other joins are still on their way Newton's step may say so by mistake: both joins of
+        the ride, each on its own, must say so too, else they follow their own steps.
+        """
+        diagonal = state.jacobian.diagonal()
+        alone = np.where(state.bound == 0.0, -state.residual / np.where(diagonal != 0.0, diagonal, 1.0), 0.0)
+        out, closing = step.copy(), []
+        own = {i: gain for i, _, gain in self._gaps(state, alone)}
+        for i, gap, gain in self._gaps(state, step):
+            if gap <= OVERLAP and gain < 0.0:
+                if own[i] < 0.0:
+                    closing.append(i)
+                else:
+                    out[[i, i + 1]] = alone[[i, i + 1]]
+        return out, tuple(closing)
 
     def _meeting(self, state: State, step: Array) -> Array:
         """The step cut at rides that it would turn round, so that their ends meet."""
@@ -242,12 +259,20 @@ class Solver:
         step = np.zeros(len(joins))
         matrix, right = state.jacobian[np.ix_(rows, rows)], -state.residual[rows]
         try:
-            step[rows] = np.linalg.solve(matrix, right)
+            newton = np.linalg.solve(matrix, right)
         except np.linalg.LinAlgError:
-            step[rows] = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
+            newton = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
+        if state.error > NEAR:
+            # Near a corner of two arcs all sizes look alike and the matrix is nearly singular; each join
+            # alone knows its direction.
+            alone = right / np.where(matrix.diagonal() != 0.0, matrix.diagonal(), 1.0)
+            against = (newton * alone < 0.0) & (np.abs(right) > 0.5 * state.error)
+            if against.any():
+                newton = alone
+        step[rows] = newton
         return step
 
-    def _jacobian(self, joins: Sequence[Join], leg: Indices, flight: Flight, tangent: Array) -> Array:
+    def _jacobian(self, joins: Sequence[Join], leg: Indices, flight: Flight) -> Array:
         """(m + 1, m + 1) derivatives of residuals by the borders' parameters."""
         count = len(joins)
         velocity, bend = np.zeros((count, 2)), np.zeros(count)
@@ -265,11 +290,8 @@ class Solver:
         d_in[leg + 1, leg], d_in[leg + 1, leg + 1] = turn[:, 1, 0], turn[:, 1, 1]
         d_out[np.arange(count), np.arange(count)] -= bend
         d_in[np.arange(count), np.arange(count)] -= bend
-        heading_in, heading_out = np.zeros(count), np.zeros(count)
-        heading_out[leg], heading_in[leg + 1] = flight.heading.T
-        a, b = heading_in - tangent, heading_out - tangent
         rows = {
-            Kind.CROSS: lambda i: -np.sin(a[i]) * d_in[i] + np.sin(b[i]) * d_out[i],
+            Kind.CROSS: lambda i: d_in[i] - d_out[i],
             Kind.ATTACH: lambda i: d_in[i],
             Kind.LEAVE: lambda i: d_out[i],
         }

@@ -82,8 +82,8 @@ class ClassSolver:
             surgeon.closed,
             surgeon.settled,
             surgeon.tidied_state,
-            surgeon.grazing,
             self._kept_in_cells,
+            surgeon.grazing,
             surgeon.released,
         )
         for rule in rules:
