@@ -12,9 +12,9 @@ from report_case import HISTORY, corner_path, motion, warehouse, write_folder
 from test_report import LARGEST_PAGE, Page
 
 from verify.report import ClassDrawing, GraphDrawing, ReportExtras, SpeedGraphDrawing, write_report
-from verify.report.drawings import share
+from verify.report.drawings import MOST_EDGES, share
 from verify.report.figures_classes import MOST_CLASSES, draw_class_map, draw_newton
-from verify.report.figures_graph import MOST_EDGES, draw_graphs
+from verify.report.figures_graph import draw_graphs
 from verify.report.palette import FLOOR, INK, RANKS, method, variable_of_colour
 from verify.report.story import reference_plan, travel_times
 from verify.report.story_classes import analytic_row, certificate, class_rows, fine_percent

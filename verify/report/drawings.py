@@ -12,6 +12,8 @@ from vnav_drake.plan import Trajectory
 
 Array = NDArray[np.float64]
 
+MOST_EDGES = 2000  # of a graph that are drawn: more are one blue area, and half a megabyte
+
 
 @dataclass(frozen=True, kw_only=True)
 class GraphDrawing:

@@ -11,7 +11,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
-from verify.report.drawings import GraphDrawing, share
+from verify.report.drawings import MOST_EDGES, GraphDrawing, share
 from verify.report.figures_map import draw_ends, draw_world, map_height
 from verify.report.numbers import count
 from verify.report.palette import MUTED, method
@@ -20,7 +20,6 @@ from vnav_drake.problem import Problem
 
 Array = NDArray[np.float64]
 
-MOST_EDGES = 3000  # drawn; more than that is one grey area, and a megabyte
 MANY_EDGES = 600  # beyond which lines are hairlines
 MOST_NODES = 4000
 
