@@ -30,6 +30,8 @@ Mask = NDArray[np.bool_]
 RESIDUAL = 1e-12  # below which there is nothing to gain in double precision
 FINE = 1e-10  # the residual of a certified path
 ITERATIONS = 40
+PATIENCE = 10  # rounds until a short leg near a node counts as none
+CORNER = 0.1  # short: a part of the distance from the node to the nearest feature
 MOVING = (Kind.CROSS, Kind.ATTACH, Kind.LEAVE)
 REACH = 0.7  # longest step, as a part of the distance to the nearest feature
 BACKTRACKS = 5
@@ -146,7 +148,7 @@ class Solver:
         """Joins moved until the residuals vanish, or joins meet the ends of their borders."""
         state = self.state(structure)
         trust = REACH
-        for _round in range(ITERATIONS):
+        for rounds in range(ITERATIONS):
             history.append(Iteration(state.time, state.error))
             if state.error <= RESIDUAL:
                 break
@@ -158,7 +160,7 @@ class Solver:
             cut = min(1.0, trust / max(float(size.max(initial=0.0)), 1e-300))
             for _try in range(BACKTRACKS):
                 structure = self._moved(state, self._meeting(state, cut * step))
-                met = self._met(structure)
+                met = self._met(structure, rounds)
                 if met.any():
                     return replace(state, structure=structure, bound=met)
                 trial = self.state(structure)
@@ -218,16 +220,32 @@ class Solver:
             out[on] = np.maximum(curves.distance(u), 1e-6) / _stretch(curves, u)
         return out
 
-    def _met(self, structure: Structure) -> Array:
-        """(m + 1,) -1 or +1 for joins of a leg that has shrunk to nothing: they have met at a node."""
+    def _met(self, structure: Structure, rounds: int) -> Array:
+        """(m + 1,) -1 or +1 for joins of a leg that has shrunk to nothing: they have met at a node.
+
+        After `PATIENCE` rounds a short leg near a node is enough: around a corner all sizes look alike,
+        and Newton's method may circle it. What is best there is then read off the kink at the node.
+        """
         joins = structure.joins
         place = places_of(self.diagram, joins)
+        length = np.hypot(*np.diff(place, axis=0).T)
         out = np.zeros(len(joins))
-        for i in np.flatnonzero(np.hypot(*np.diff(place, axis=0).T) <= SHORTEST):
-            if not structure.pieces[i].is_ride:
+        for i, piece in enumerate(structure.pieces):
+            if piece.is_ride or length[i] > CORNER * self.diagram.world.diameter:
+                continue
+            one, other = joins[i], joins[i + 1]
+            if one.kind not in MOVING or other.kind not in MOVING:
+                continue
+            shared = np.intersect1d(self.diagram.ends[one.border], self.diagram.ends[other.border])
+            if len(shared) == 0:
+                continue
+            node = int(shared[0])
+            near = CORNER * self.diagram.node_distance[node] if rounds > PATIENCE else SHORTEST
+            if np.hypot(*(place[[i, i + 1]] - self.diagram.nodes[node]).T).max() <= near:
                 for k in (i, i + 1):
-                    if joins[k].kind in MOVING:
-                        out[k] = 1.0 if joins[k].u > self._ends[joins[k].border].mean() else -1.0
+                    span = self._ends[joins[k].border]
+                    there = span[int(np.flatnonzero(self.diagram.ends[joins[k].border] == node)[0])]
+                    out[k] = 1.0 if there == span.max() else -1.0
         return out
 
     def _moved(self, state: State, step: Array) -> Structure:

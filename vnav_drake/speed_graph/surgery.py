@@ -147,7 +147,7 @@ class Surgeon:
         for i, join in enumerate(s.joins):
             if join.kind in MOVING and state.bound[i] != 0.0:
                 span = self.diagram.curves.span[join.border]
-                end = int(np.argmin(np.abs(span - join.u)))
+                end = int(np.argmin(span) if state.bound[i] < 0.0 else np.argmax(span))
                 s = s.with_join(i, Join(Kind.NODE, node=int(self.diagram.ends[join.border, end])))
         return s
 
