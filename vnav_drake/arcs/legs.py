@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vnav_drake.arcs.disc import disc_legs, disc_points
+from vnav_drake.arcs.disc_legs import disc_legs
+from vnav_drake.arcs.disc_paths import disc_points
 from vnav_drake.arcs.point import point_legs, point_points
 from vnav_drake.arcs.wall import wall_legs, wall_points
 from vnav_drake.braking import UniformBraking
@@ -25,7 +26,9 @@ class Legs:
 
     time: Array  # (n,) [s]; infinite where V = 0 at an end and there is a reaction time
     outward: Array  # (n, 2) cosine between the direction of travel and away from the feature, start and end
-    invariant: Array  # (n,) dT/dspan: [s/m] near a wall, [s/rad] near a point; Clairaut's k
+    invariant: (
+        Array  # (n,) dT/dspan: [s/m] near a wall, [s/rad] near a point; Clairaut's k
+    )
     hessian: Array | None  # (n, 3, 3) second derivatives of the time by (d1, d2, span)
 
 
@@ -63,7 +66,9 @@ def solve_legs(
         index = np.flatnonzero(mask)
         if index.size == 0:
             continue
-        part = _solve(law, radius, bool(at[index[0]]), low[index], high[index], s[index], hessian)
+        part = _solve(
+            law, radius, bool(at[index[0]]), low[index], high[index], s[index], hessian
+        )
         time[index], outward[index], invariant[index] = part[:3]
         if second is not None and part[3] is not None:
             second[index] = part[3]
@@ -92,18 +97,28 @@ def leg_points(
         index = np.flatnonzero(mask)
         if index.size:
             part = (low[index], high[index], s[index], f[index])
-            offset[index], clearance[index] = _points(law, radius, bool(at[index[0]]), *part)
+            offset[index], clearance[index] = _points(
+                law, radius, bool(at[index[0]]), *part
+            )
     return offset, clearance
 
 
 def _checked(
-    law: UniformBraking, at_point: ArrayLike, d1: ArrayLike, d2: ArrayLike, span: ArrayLike
+    law: UniformBraking,
+    at_point: ArrayLike,
+    d1: ArrayLike,
+    d2: ArrayLike,
+    span: ArrayLike,
 ) -> tuple[Mask, Array, Array, Array]:
     at, low, high, s = np.broadcast_arrays(
         np.atleast_1d(np.asarray(at_point, dtype=bool)),
         *(np.asarray(v, dtype=float) for v in (d1, d2, span)),
     )
-    for name, values, least in (("d1", low, law.margin), ("d2", high, law.margin), ("span", s, 0.0)):
+    for name, values, least in (
+        ("d1", low, law.margin),
+        ("d2", high, law.margin),
+        ("span", s, 0.0),
+    ):
         bad = np.flatnonzero(~((values >= least) & (values < np.inf)))
         if bad.size:
             raise ValueError(
@@ -113,7 +128,13 @@ def _checked(
 
 
 def _solve(
-    law: UniformBraking, radius: float, at_point: bool, d1: Array, d2: Array, span: Array, hessian: bool
+    law: UniformBraking,
+    radius: float,
+    at_point: bool,
+    d1: Array,
+    d2: Array,
+    span: Array,
+    hessian: bool,
 ) -> tuple[Array, Array, Array, Array | None]:
     accel, lag = law.max_braking, law.max_braking * law.reaction_time
     level = radius + law.margin
@@ -121,26 +142,32 @@ def _solve(
         raise NotImplementedError("legs with a greatest speed")
     if not at_point:
         return wall_legs(accel, lag, law.speed(d1), law.speed(d2), span, hessian)
-    if lag > 0.0:
-        raise NotImplementedError("legs near points with a reaction time")
     if level > 0.0:
-        return disc_legs(accel, level, d1 - law.margin, d2 - law.margin, span, hessian)
+        return disc_legs(accel, lag, level, law.speed(d1), law.speed(d2), span, hessian)
     return point_legs(accel, d1, d2, span, hessian)
 
 
 def _points(
-    law: UniformBraking, radius: float, at_point: bool, d1: Array, d2: Array, span: Array, fraction: Array
+    law: UniformBraking,
+    radius: float,
+    at_point: bool,
+    d1: Array,
+    d2: Array,
+    span: Array,
+    fraction: Array,
 ) -> tuple[Array, Array]:
     accel, lag = law.max_braking, law.max_braking * law.reaction_time
     level = radius + law.margin
     if not np.isinf(law.max_speed):
         raise NotImplementedError("legs with a greatest speed")
     if not at_point:
-        offset, speed = wall_points(accel, lag, law.speed(d1), law.speed(d2), span, fraction)
+        offset, speed = wall_points(
+            accel, lag, law.speed(d1), law.speed(d2), span, fraction
+        )
         return offset, law.distance(speed)
-    if lag > 0.0:
-        raise NotImplementedError("legs near points with a reaction time")
     if level > 0.0:
-        offset, room = disc_points(accel, level, d1 - law.margin, d2 - law.margin, span, fraction)
-        return offset, law.margin + room
+        offset, speed = disc_points(
+            accel, lag, level, law.speed(d1), law.speed(d2), span, fraction
+        )
+        return offset, law.distance(speed)
     return point_points(d1, d2, span, fraction)
