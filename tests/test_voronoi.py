@@ -413,3 +413,23 @@ def test_two_thousand_vertices(angle: float):
 def test_far_from_the_origin(obstacles: list[Obstacle], shift: float):
     built = build_diagram(moved_world(ROOM, obstacles, 0.0, (shift, 0.5 * shift)))
     assert built.notes == ()
+
+
+def test_a_node_without_a_place_leads_to_another_attempt():
+    # Perturbed coordinates of this world made Boost give a node at infinity.
+    obstacles = [
+        rectangle(3.0, 0.0, 1.0, 5.0),
+        rectangle(4.0, 1.0, 1.0, 5.0),
+        Obstacle(((1.0, 1.0),)),
+        Obstacle(((6.5, 3.866025403784439), (6.5, 2.1339745962155616), (8.0, 2.9999999999999996))),
+        Obstacle(
+            (
+                (2.6736481776669305, 2.984807753012208),
+                (1.5603073792140916, 2.342020143325669),
+                (1.9999999999999996, 1.1339745962155616),
+                (3.266044443118978, 1.3572123903134603),
+                (2.875, 2.0),
+            )
+        ),
+    ]
+    verify_diagram(build_diagram(World.build(ROOM, obstacles)))

@@ -152,6 +152,8 @@ def build_diagram(world: World, radius: float = 0.0) -> VoronoiDiagram:
         slack = 0 if attempt == 0 else 2 ** (attempt + 1)
         try:
             topology = boost_topology(world, slack, seed=attempt)
+            if not np.isfinite(topology.vertices).all():
+                raise DiagramError("Boost gave a node without a place")
             complete = _complete(world, exact_borders(world, topology, slack), tuple(notes))
             verify_diagram(complete)
         except (DiagramError, np.linalg.LinAlgError) as error:
