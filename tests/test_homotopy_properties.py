@@ -17,7 +17,8 @@ from tests.worlds import ROOM, SIDE, geometry, moved, obstacle_lists, rooms
 from vnav_drake.homotopy import Gates, build_gates, reduced
 from vnav_drake.homotopy.crossing import box_tree, crossings, orientation
 from vnav_drake.problem import PlanningError
-from vnav_drake.voronoi import VoronoiDiagram, build_diagram
+from vnav_drake.voronoi import PARABOLA, VoronoiDiagram, build_diagram
+from vnav_drake.voronoi.check import free_faces
 from vnav_drake.world import Obstacle, World, WorldError
 
 Array = NDArray[np.float64]
@@ -36,6 +37,21 @@ def gates_or_none(boundary, obstacles, level: float) -> Gates:
         raise
 
 
+def samples(diagram: VoronoiDiagram, row: int) -> Array:
+    """Parameters along a border, near enough that the polyline keeps to its own side of the focus.
+
+    Evenly in w = asinh(u / p), p the focal parameter: a chord from w to w + 1/4 departs from the parabola
+    by about p cosh(w) / 128, and the focus is p cosh(w)^2 / 2 away.
+    """
+    size = max(float(diagram.curves.size[row]), 1e-300)
+    if diagram.curves.kind[row] != PARABOLA:
+        return np.linspace(*diagram.curves.span[row], 6)
+    w = np.arcsinh(diagram.curves.span[row] / size)
+    u = size * np.sinh(np.linspace(w[0], w[1], 2 + math.ceil(4.0 * abs(w[1] - w[0]))))
+    u[[0, -1]] = diagram.curves.span[row]
+    return u
+
+
 def random_walk(diagram: VoronoiDiagram, steps: int, rng, gate_at: Array | None = None):
     """A walk along arcs from a random node: points (n, 2) and (border, direction) of each step.
 
@@ -47,7 +63,7 @@ def random_walk(diagram: VoronoiDiagram, steps: int, rng, gate_at: Array | None 
         border, end = diagram.incident(node)
         pick = int(rng.choice(np.flatnonzero(diagram.primary[border])))
         row, at = int(border[pick]), int(end[pick])
-        u = np.linspace(*diagram.curves.span[row], 6)
+        u = samples(diagram, row)
         if gate_at is not None and np.isfinite(gate_at[row]):
             u = np.sort(np.append(u, gate_at[row]))
         line = diagram.curves.take([row]).points(u[None])[0]
@@ -117,20 +133,16 @@ def test_there_are_as_many_independent_rings_as_holes_in_free_space(boundary, ob
     # Betti number: gates - pieces + components of the core = interior rings of the floor minus all that is
     # nearer than the level (Shapely). Where a passage is as wide as the level, the buffers' chords decide.
     gates = gates_or_none(boundary, obstacles, level)
-    world = gates.diagram.world
-    if level == 0.0:
-        level = 1e-4  # no passage of the random worlds is narrower, unless it is closed
-    counts = set()
-    for reach in (0.999 * level, 1.001 * level):
-        lines = shapely.union_all(
-            [
-                *shapely.linestrings(world.vertices[world.edges]),
-                *shapely.points(world.vertices[world.isolated]),
-            ]
-        )
+    world, holes = gates.diagram.world, set()
+    if level == 0.0:  # nothing is too narrow: every island counts
+        _, characteristic = free_faces(world)
+        holes.add(int((1 - characteristic).sum()))
+    for reach in (0.999 * level, 1.001 * level) if level > 0.0 else ():
+        walls = shapely.linestrings(world.vertices[world.edges])
+        lines = shapely.union_all([*walls, *shapely.points(world.vertices[world.isolated])])
         free = shapely.difference(world.floor, lines.buffer(reach, quad_segs=64))
-        counts.add(sum(len(p.interiors) for p in shapely.get_parts(free)))
-    assume(len(counts) == 1)
+        holes.add(sum(len(p.interiors) for p in shapely.get_parts(free)))
+    assume(len(holes) == 1)
     used = np.unique(gates.sides)
     parts = {int(p): i for i, p in enumerate(used)}
     parent = list(range(len(used)))
@@ -143,7 +155,7 @@ def test_there_are_as_many_independent_rings_as_holes_in_free_space(boundary, ob
     for one, other in gates.sides.tolist():
         parent[root(parts[one])] = root(parts[other])
     components = len({root(i) for i in range(len(used))})
-    assert len(gates) - len(used) + components == counts.pop()
+    assert len(gates) - len(used) + components == holes.pop()
 
 
 @given(rooms, obstacle_lists, levels)

@@ -126,7 +126,7 @@ def _places(part: VoronoiDiagram, core: Core, outlines: Outlines, tie: float) ->
     low, high = curves.span.min(axis=1), curves.span.max(axis=1)
     steady = (curves.kind == LINEAR) & (np.abs(curves.distance(high) - curves.distance(low)) <= tie)
     narrow = np.where(steady, curves.middle, curves.least_distance_at)
-    passage = _passage(outlines, feet_of(part, border, curves.points(narrow)))
+    passage = _passage(outlines, feet_of(part, border, curves.points(curves.middle)))
     order = np.lexsort(
         [
             *(_ranks(v, tie) for v in passage.position.T[::-1]),
