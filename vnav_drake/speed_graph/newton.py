@@ -13,6 +13,7 @@ The Jacobian is exact and tridiagonal, and rides cut it into independent blocks.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -35,6 +36,7 @@ CORNER = 0.1  # short: a part of the distance from the node to the nearest featu
 MOVING = (Kind.CROSS, Kind.ATTACH, Kind.LEAVE)
 REACH = 0.7  # longest step, as a part of the distance to the nearest feature
 BACKTRACKS = 5
+FLAT = 1e-6  # [rad/m]: a smaller derivative is no guide to the length of a step
 NEAR = 0.02  # [rad]: with smaller residuals Newton's step is trusted
 SHORTEST = 1e-9  # [m]: legs shorter than this have met
 OVERLAP = 1e-10  # [m]: a shorter ride has no length
@@ -52,6 +54,7 @@ class State:
     tangent: Array  # (m + 1,) [rad], heading of the border at each join on one
     residual: Array  # (m + 1,) 0 at joins that cannot move
     jacobian: Array  # (m + 1, m + 1) by the parameters of the joins
+    diagonal: Array  # (m + 1,) of the Jacobian, with the signs that it must have
     bound: Array  # (m + 1,) -1, +1 at the first or last end of its border and pushed outwards, else 0
     ride_time: float  # [s]
     closing: tuple[int, ...] = ()  # rides of no length that Newton's method would turn round
@@ -109,8 +112,9 @@ class Solver:
         residual[attach] = _wrapped(heading_in - onward)[attach]
         residual[leave] = _wrapped(heading_out - onward)[leave]
         jacobian = self._jacobian(joins, leg, flight)
-        bound = self._pushed(joins, residual, jacobian)
-        return State(structure, place, leg, flight, tangent, residual, jacobian, bound, self._rides(structure))
+        diagonal = self._diagonal(structure, jacobian)
+        bound = self._pushed(joins, residual, diagonal)
+        return State(structure, place, leg, flight, tangent, residual, jacobian, diagonal, bound, self._rides(structure))
 
     def _onward(self, structure: Structure, tangent: Array) -> Array:
         """Heading [rad] of the ride at joins that begin or end one, in the direction of travel."""
@@ -189,8 +193,7 @@ class Solver:
         While other joins are still on their way Newton's step may say so by mistake: both joins of
         the ride, each on its own, must say so too, else they follow their own steps.
         """
-        diagonal = state.jacobian.diagonal()
-        alone = np.where(state.bound == 0.0, -state.residual / np.where(diagonal != 0.0, diagonal, 1.0), 0.0)
+        alone = np.where(state.bound == 0.0, _alone(state), 0.0)
         out, closing = step.copy(), []
         own = {i: gain for i, _, gain in self._gaps(state, alone)}
         for i, gap, gain in self._gaps(state, step):
@@ -258,7 +261,23 @@ class Solver:
         sweeps[state.leg] = state.flight.sweep
         return state.structure.moved(u, sweeps)
 
-    def _pushed(self, joins: Sequence[Join], residual: Array, jacobian: Array) -> Array:
+    def _diagonal(self, structure: Structure, jacobian: Array) -> Array:
+        """(m + 1,) derivative of each residual by its own join, with the sign that it must have.
+
+        A leg on the wrong side of its ride wants a longer ride, one on the right side a shorter one. The
+        raw leg may say otherwise where it passes another border on its way.
+        """
+        out = jacobian.diagonal().copy()
+        for i, join in enumerate(structure.joins):
+            if join.kind in (Kind.ATTACH, Kind.LEAVE):
+                ride = structure.pieces[i if join.kind is Kind.ATTACH else i - 1]
+                leg = structure.pieces[i - 1 if join.kind is Kind.ATTACH else i]
+                span = self._ends[join.border]
+                left = self.diagram.cells[join.border, 0 if ride.sweep * (span[1] - span[0]) > 0.0 else 1]
+                out[i] = math.copysign(max(abs(out[i]), FLAT), ride.sweep * (1.0 if leg.cell == left else -1.0))
+        return out
+
+    def _pushed(self, joins: Sequence[Join], residual: Array, diagonal: Array) -> Array:
         """(m + 1,) -1 or +1 where a join at the low or high end of its border is pushed beyond it."""
         out = np.zeros(len(joins))
         on = np.array([i for i, j in enumerate(joins) if j.kind in MOVING], dtype=np.int64)
@@ -266,7 +285,7 @@ class Solver:
             return out
         u = np.array([joins[i].u for i in on])
         low, high = np.sort(self._ends[[joins[i].border for i in on]], axis=1).T
-        way = -residual[on] * jacobian[on, on]
+        way = -residual[on] * diagonal[on]
         out[on] = np.where((u <= low + EDGE) & (way < 0.0), -1.0, np.where((u >= high - EDGE) & (way > 0.0), 1.0, 0.0))
         return out
 
@@ -280,13 +299,13 @@ class Solver:
             newton = np.linalg.solve(matrix, right)
         except np.linalg.LinAlgError:
             newton = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
-        if state.error > NEAR:
-            # Near a corner of two arcs all sizes look alike and the matrix is nearly singular; each join
-            # alone knows its direction.
-            alone = right / np.where(matrix.diagonal() != 0.0, matrix.diagonal(), 1.0)
-            against = (newton * alone < 0.0) & (np.abs(right) > 0.5 * state.error)
-            if against.any():
-                newton = alone
+        # Near a corner of two arcs all sizes look alike and the matrix is nearly singular, and legs that pass
+        # other borders turn the wrong way; each join alone knows its direction.
+        alone = _alone(state)[rows]
+        large = np.abs(right) > max(NEAR, 0.5 * state.error)
+        astray = state.jacobian.diagonal()[rows] * state.diagonal[rows] < 0.0
+        if ((newton * alone < 0.0) & (large | (astray & (np.abs(right) > FINE)))).any():
+            newton = alone
         step[rows] = newton
         return step
 
@@ -324,6 +343,13 @@ def _stretch(curves: Curves, u: Array) -> Array:
     """Arc length per parameter."""
     size = np.where(curves.kind == PARABOLA, curves.size, 1.0)
     return np.where(curves.kind == PARABOLA, np.hypot(1.0, u / size), 1.0)
+
+
+def _alone(state: State) -> Array:
+    """(m + 1,) the step that each join would take if the others stood still."""
+    diagonal = state.diagonal
+    step: Array = -state.residual / np.where(diagonal != 0.0, diagonal, 1.0)
+    return step
 
 
 def _wrapped(angle: Array) -> Array:

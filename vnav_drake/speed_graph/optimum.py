@@ -82,6 +82,7 @@ class ClassSolver:
             surgeon.closed,
             surgeon.settled,
             surgeon.tidied_state,
+            surgeon.kept_in_sectors,
             self._kept_in_cells,
             surgeon.grazing,
             surgeon.released,

@@ -205,18 +205,23 @@ class Surgeon:
                 heading_out[i], heading_in[i + 1] = np.arctan2(t[:, 1], t[:, 0])
         return heading_in, heading_out
 
+    def kept_in_sectors(self, state: State) -> Structure:
+        """Legs that leave their cell as they meet a node get the border that they hit in between."""
+        s = state.structure
+        heading_in, heading_out = self.headings(state)
+        for i in range(len(s.joins) - 1, -1, -1):
+            if s.joins[i].node >= 0:
+                view = around(self.diagram, s.joins[i].node)
+                s = self._aside(state, s, i, view, heading_in[i], heading_out[i]) or s
+        return s
+
     def released(self, state: State) -> Structure:
         """Nodes with a kink passed on the side where the path is shorter."""
         s = state.structure
         heading_in, heading_out = self.headings(state)
         for i in range(len(s.joins) - 1, -1, -1):
-            if s.joins[i].node < 0:
-                continue
-            view = around(self.diagram, s.joins[i].node)
-            aside = self._aside(state, s, i, view, heading_in[i], heading_out[i])
-            if aside is not None:
-                s = aside
-            elif s.joins[i].kind is Kind.NODE:
+            if s.joins[i].kind is Kind.NODE:
+                view = around(self.diagram, s.joins[i].node)
                 s = self._release(state, s, i, view, heading_in[i], heading_out[i])
         return s
 
@@ -278,7 +283,9 @@ class Surgeon:
         opening = width if counter else TURN - width
         lengths = [float(np.hypot(*(state.place[k + 1] - state.place[k]))) for k in (i - 1, i)]
         reach = 0.4 * min([x for x in lengths if x > 0.0] or [0.1])
-        reach = min(reach, 0.5 * float(self.diagram.node_distance[view.node]))
+        # a leg bends by about its length over the distance to the feature: a small kink needs a small detour
+        room = float(self.diagram.node_distance[view.node])
+        reach = min(reach, max(min(0.5, abs(width - math.pi)), 1e-6) * room)
         joins: list[Join] = []
         pieces: list[Piece] = []
         if before.is_ride:
