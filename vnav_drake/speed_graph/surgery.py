@@ -286,6 +286,12 @@ class Surgeon:
         # a leg bends by about its length over the distance to the feature: a small kink needs a small detour
         room = float(self.diagram.node_distance[view.node])
         reach = min(reach, max(min(0.5, abs(width - math.pi)), 1e-6) * room)
+        angles = [(view.angle[j] - back) % TURN for j in crossed]
+        angles = angles if counter else [TURN - angle for angle in angles]
+        depth = [max(math.cos(0.5 * opening) / max(math.cos(a - 0.5 * opening), 0.05), 1e-3) for a in angles]
+        # all at one scale, so that the chord stays a chord where a border is short
+        room = [0.5 * float(self.diagram.curves.take([view.border[j]]).length[0]) for j in crossed]
+        reach = min([reach, *(r / d for r, d in zip(room, depth, strict=True))])
         joins: list[Join] = []
         pieces: list[Piece] = []
         if before.is_ride:
@@ -306,10 +312,7 @@ class Surgeon:
             ]
         else:
             for k, j in enumerate(crossed):
-                angle = (view.angle[j] - back) % TURN
-                angle = angle if counter else TURN - angle
-                depth = math.cos(0.5 * opening) / max(math.cos(angle - 0.5 * opening), 0.05)
-                u, _ = self._near(view.border[j], view.end[j], reach * max(depth, 1e-3))
+                u, _ = self._near(view.border[j], view.end[j], reach * depth[k])
                 joins.append(Join(Kind.CROSS, view.border[j], u))
                 pieces.append(Piece(cell=sectors[k]))
             pieces.append(Piece(cell=sectors[-1]))
