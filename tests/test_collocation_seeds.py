@@ -95,6 +95,9 @@ def test_a_smooth_seed_of_many_arcs_gives_knots_on_itself():
     bend = Path.from_arcs((3.0, 1.5), 0.0, np.full(n, 1 / 3.0), np.full(n, 1.5 * np.pi / n))
     mesh = first_mesh(pillar_room(), bend, 60)
     assert mesh.intervals == 60
+    coarse = Path.from_arcs((3.0, 1.5), 0.0, np.full(90, 1 / 3.0), np.full(90, 1.5 * np.pi / 90))
+    assert first_mesh(pillar_room(), coarse, 60).intervals == 90
+    assert first_mesh(pillar_room(), coarse, 60, as_mesh=False).intervals == 60
     turned = np.concatenate([[0.0], np.cumsum(mesh.shares)]) * 0.5 * np.pi
     np.testing.assert_allclose(mesh.theta, turned, atol=1e-6)
     np.testing.assert_allclose(np.hypot(mesh.x - 3.0, mesh.y - 4.5), 3.0, atol=1e-6)

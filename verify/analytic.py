@@ -12,6 +12,7 @@ import numpy as np
 from verify.report.drawings import ClassDrawing, SpeedGraphDrawing
 from vnav_drake.collocation import Seed
 from vnav_drake.collocation.turning import greatest_steering_rate
+from vnav_drake.homotopy import Gates, class_of
 from vnav_drake.plan import Path, Plan, Trajectory
 from vnav_drake.problem import End, PlanningError, Problem
 from vnav_drake.scenario import PlanSettings
@@ -79,7 +80,11 @@ def _turned(end: End, heading: float) -> float:
 
 
 def run_speed_graph(
-    problem: Problem, diagram: VoronoiDiagram, settings: PlanSettings, progress: Callable[[str], None]
+    problem: Problem,
+    diagram: VoronoiDiagram,
+    gates: Gates,
+    settings: PlanSettings,
+    progress: Callable[[str], None],
 ) -> Analytic:
     """Plan with the speed graph; its classes become seeds and rows.
 
@@ -93,8 +98,20 @@ def run_speed_graph(
     rows = [dict(row) | profile.row() for row, profile in zip(plan.details["classes"], profiles, strict=True)]
     best = profiles[0].row() if profiles else {}
     details: Mapping[str, Any] = {**plan.details, **best, "classes": rows}
-    seeds = [Seed(optimum.path, plan.method, homotopy_class=optimum.name) for optimum in result.classes]
-    return Analytic(plan=replace(plan, details=details), seeds=seeds, drawing=_drawing(problem, result))
+    return Analytic(
+        plan=replace(plan, details=details),
+        seeds=_seeds(plan.method, result.classes, gates),
+        drawing=_drawing(problem, result),
+    )
+
+
+def _seeds(method: str, classes: Sequence[ClassOptimum], gates: Gates) -> list[Seed]:
+    """One seed a class, under the class that its path is of: without a certificate it may have left its own."""
+    seeds: dict[str, Seed] = {}
+    for optimum in classes:
+        name = class_of(gates, optimum.path)
+        seeds.setdefault(name, Seed(optimum.path, method, homotopy_class=name, as_mesh=False))
+    return list(seeds.values())
 
 
 def _solve(

@@ -169,7 +169,7 @@ def _seeds(stages: Stages, diagram: VoronoiDiagram, gates: Gates) -> list[Seed]:
     seeds: list[Seed] = []
     if "speed_graph" in settings.methods:
         told = stages.told("speed graph")
-        found = stages.run("speed_graph", lambda: run_speed_graph(problem, diagram, settings, told))
+        found = stages.run("speed_graph", lambda: run_speed_graph(problem, diagram, gates, settings, told))
         if found is not None:
             done.analytic = found
             done.keep(found.plan)

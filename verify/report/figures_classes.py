@@ -218,4 +218,5 @@ def _convergence(key: str, title: str, unit: str, curves: Sequence[tuple[int, Ar
         "One curve a class, numbered by rank, over all its iterations; where a curve jumps up, the structure "
         "of the path was changed. Zero has no place on this scale. Compare Manor 2015, Fig. 3.10."
     )
-    return Picture(**described, svg=to_svg(figure, **described), heading=title, caption=caption)
+    svg = to_svg(figure, **described)
+    return Picture(**described, svg=svg, narrow=None, heading=title, caption=caption)

@@ -123,7 +123,7 @@ def _first_guess(
             rows.append(row | {"message": "not tried: slower already in the variational model"})
             continue
         try:
-            mesh = first_mesh(problem, seed.path, budget.intervals)
+            mesh = first_mesh(problem, seed.path, budget.intervals, as_mesh=seed.as_mesh)
             result = refine(problem, mesh, model, budget.scout)
         except PlanningError as error:
             row["message"] = str(error)
@@ -135,7 +135,7 @@ def _first_guess(
                 best, least = result.mesh, travel_time
         rows.append(row | {"compute_time": time.perf_counter() - begun})
     if best is None:
-        best = first_mesh(problem, seeds[0].path, budget.intervals)
+        best = first_mesh(problem, seeds[0].path, budget.intervals, as_mesh=seeds[0].as_mesh)
     return best, rows
 
 
