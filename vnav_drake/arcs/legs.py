@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vnav_drake.arcs.disc_legs import disc_legs
-from vnav_drake.arcs.disc_paths import disc_points
-from vnav_drake.arcs.point import point_legs, point_points
-from vnav_drake.arcs.wall import wall_legs, wall_points
+from vnav_drake.arcs.capped import capped_legs, capped_points
+from vnav_drake.arcs.free import free_legs, free_points
 from vnav_drake.braking import UniformBraking
 
 Array = NDArray[np.float64]
@@ -62,11 +60,12 @@ def solve_legs(
     count = len(s)
     time, outward, invariant = np.zeros(count), np.zeros((count, 2)), np.zeros(count)
     second = np.zeros((count, 3, 3)) if hessian else None
+    solver = free_legs if np.isinf(law.max_speed) else capped_legs
     for mask in (at, ~at):
         index = np.flatnonzero(mask)
         if index.size == 0:
             continue
-        part = _solve(
+        part = solver(
             law, radius, bool(at[index[0]]), low[index], high[index], s[index], hessian
         )
         time[index], outward[index], invariant[index] = part[:3]
@@ -93,11 +92,12 @@ def leg_points(
     f = np.asarray(fraction, dtype=float)
     f = np.broadcast_to(f, (len(s), f.shape[-1]))
     offset, clearance = np.zeros(f.shape), np.zeros(f.shape)
+    solver = free_points if np.isinf(law.max_speed) else capped_points
     for mask in (at, ~at):
         index = np.flatnonzero(mask)
         if index.size:
             part = (low[index], high[index], s[index], f[index])
-            offset[index], clearance[index] = _points(
+            offset[index], clearance[index] = solver(
                 law, radius, bool(at[index[0]]), *part
             )
     return offset, clearance
@@ -125,49 +125,3 @@ def _checked(
                 f"leg {bad[0]}: {name} = {values[bad[0]]!r}: must be finite and at least {least!r}"
             )
     return at, low, high, s
-
-
-def _solve(
-    law: UniformBraking,
-    radius: float,
-    at_point: bool,
-    d1: Array,
-    d2: Array,
-    span: Array,
-    hessian: bool,
-) -> tuple[Array, Array, Array, Array | None]:
-    accel, lag = law.max_braking, law.max_braking * law.reaction_time
-    level = radius + law.margin
-    if not np.isinf(law.max_speed):
-        raise NotImplementedError("legs with a greatest speed")
-    if not at_point:
-        return wall_legs(accel, lag, law.speed(d1), law.speed(d2), span, hessian)
-    if level > 0.0:
-        return disc_legs(accel, lag, level, law.speed(d1), law.speed(d2), span, hessian)
-    return point_legs(accel, d1, d2, span, hessian)
-
-
-def _points(
-    law: UniformBraking,
-    radius: float,
-    at_point: bool,
-    d1: Array,
-    d2: Array,
-    span: Array,
-    fraction: Array,
-) -> tuple[Array, Array]:
-    accel, lag = law.max_braking, law.max_braking * law.reaction_time
-    level = radius + law.margin
-    if not np.isinf(law.max_speed):
-        raise NotImplementedError("legs with a greatest speed")
-    if not at_point:
-        offset, speed = wall_points(
-            accel, lag, law.speed(d1), law.speed(d2), span, fraction
-        )
-        return offset, law.distance(speed)
-    if level > 0.0:
-        offset, speed = disc_points(
-            accel, lag, level, law.speed(d1), law.speed(d2), span, fraction
-        )
-        return offset, law.distance(speed)
-    return point_points(d1, d2, span, fraction)
