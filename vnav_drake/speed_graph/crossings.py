@@ -83,13 +83,11 @@ def _beside_stations(strips: Strips, border: Indices, u: Array, samples: Samples
 def _strip_key(strips: Strips, strip: Indices, theta: Array) -> Array:
     """Orders strips first, theta second, over two turns."""
     width = np.maximum(strips.high - strips.low, np.finfo(float).tiny)[strip]
-    key: Array = 4.0 * strip + np.clip((theta - strips.low[strip]) / width, 0.0, 2.0)
-    return key
+    return np.asarray(4.0 * strip + np.clip((theta - strips.low[strip]) / width, 0.0, 2.0), dtype=np.float64)
 
 
 def _curve_key(strips: Strips, curve: Indices, u: Array) -> Array:
     """Orders borders first, u second."""
     span = strips.diagram.curves.span[curve]
     width = np.maximum(span[:, 1] - span[:, 0], np.finfo(float).tiny)
-    key: Array = 2.0 * curve + np.clip((u - span[:, 0]) / width, 0.0, 1.0)
-    return key
+    return np.asarray(2.0 * curve + np.clip((u - span[:, 0]) / width, 0.0, 1.0), dtype=np.float64)

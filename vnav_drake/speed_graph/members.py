@@ -162,5 +162,6 @@ def candidate_pairs(strips: Strips, members: Members, fast: Mask) -> Pairs:
     cyclic = np.mod(members.before[second] - members.after[first], np.maximum(rows, 1))
     between = np.where(strips.periodic[strip], np.where(cyclic == 0, rows, cyclic) - 1, between)
     between = np.where(chord, 1, between)
-    keep = (~same | chord) & (span >= 0.0)
+    # a full turn around a point leads through the point
+    keep = (~same | chord) & (span >= 0.0) & (~strips.periodic[strip] | (span < TURN - 1e-9))
     return Pairs(first[keep], second[keep], span[keep], wraps[keep], np.maximum(between[keep], 0))

@@ -41,6 +41,15 @@ class Edges:
     def __len__(self) -> int:
         return len(self.tail)
 
+    def take(self, index: Indices) -> Edges:
+        """The edges of an index array."""
+        ends = (self.tail[index], self.head[index], self.time[index])
+        return Edges(*ends, self.word_begin[index], self.word_end[index], self.letters)
+
+    def moved(self, tail: Indices, head: Indices) -> Edges:
+        """The same edges between other nodes."""
+        return Edges(tail, head, self.time, self.word_begin, self.word_end, self.letters)
+
     def letters_of(self, edge: int, forward: bool) -> list[int]:
         """Signed gates along an edge in the given direction."""
         part: list[int] = self.letters[self.word_begin[edge] : self.word_end[edge]].tolist()
@@ -128,10 +137,9 @@ def search_classes(
     if k < 1:
         raise ValueError(f"k = {k!r}: must be 1 or more")
     words = _Words(through)
-    ahead, ahead_edge = _distances(edges, count, goal)
+    (ahead, behind), (ahead_edge, behind_edge) = shortest_paths(edges, count, np.array([goal, start]))
     if not np.isfinite(ahead[start]):
         return SearchResult((), 0, np.inf)
-    behind, behind_edge = _distances(edges, count, start)
     bound = _bound(edges, words, behind, behind_edge, ahead, ahead_edge, k, len(through))
     layers = _layers(edges, count, goal, through, ahead)
     return _settle(edges, words, layers, behind, start, goal, k, bound)
@@ -151,16 +159,19 @@ def _directed(
     return csr_array((weight, head[pick], begin), shape=(count, count)), pick % len(edges)
 
 
-def _distances(edges: Edges, count: int, source: int) -> tuple[Array, Indices]:
-    """Least time from `source` to every node, and the edge by which it is reached (-1: none)."""
+def shortest_paths(edges: Edges, count: int, sources: Indices) -> tuple[Array, Indices]:
+    """Least times (s, count) [s] from sources (s,) to all nodes, and the edges by which they are reached.
+
+    The edge is -1 at the source itself and where there is no path.
+    """
     tail, head = np.concatenate([edges.tail, edges.head]), np.concatenate([edges.head, edges.tail])
     graph, number = _directed(edges, np.tile(edges.time, 2), tail, head, count)
-    time, before = dijkstra(graph, indices=source, return_predecessors=True)
-    reached = np.flatnonzero(before >= 0)
-    by = np.full(count, -1)
-    rows = np.repeat(np.arange(count), np.diff(graph.indptr))
-    key = rows * count + graph.indices
-    by[reached] = number[np.searchsorted(key, before[reached].astype(np.int64) * count + reached)]
+    time, before = dijkstra(graph, indices=np.asarray(sources), return_predecessors=True)
+    row, reached = np.nonzero(before >= 0)
+    by = np.full(before.shape, -1)
+    key = np.repeat(np.arange(count), np.diff(graph.indptr)) * count + graph.indices
+    want = before[row, reached].astype(np.int64) * count + reached
+    by[row, reached] = number[np.searchsorted(key, want)]
     return time, by
 
 
