@@ -78,6 +78,23 @@ def windings(loop: Array, centers: Array) -> NDArray[np.int64]:
     return np.rint(turn.sum(axis=1) / (2.0 * math.pi)).astype(np.int64)
 
 
+def words_from(gates: Gates, piece: int, longest: int) -> list[tuple[int, ...]]:
+    """All reduced words of paths from a piece of free space, of up to so many letters."""
+    words: list[tuple[int, ...]] = [()]
+    grown = [((), piece)]
+    for _length in range(longest):
+        longer = []
+        for word, here in grown:
+            for row, sign in itertools.product(range(len(gates)), (1, -1)):
+                before, behind = gates.sides[row][::sign].tolist()
+                letter = sign * (row + 1)
+                if before == here and (not word or word[-1] != -letter):
+                    longer.append(((*word, letter), behind))
+        words += [w for w, _ in longer]
+        grown = longer
+    return words
+
+
 def other_hand(name: str) -> str:
     """The name in a mirrored world of a class all of whose gates are loops."""
     tokens = name.split(", ")
@@ -229,20 +246,8 @@ def test_equal_names_still_give_different_tokens():
 
 
 def test_different_words_from_one_place_have_different_names(four_points: Gates):
-    # All reduced words of up to seven letters that start in the piece of the start.
     (first,) = four_points.word([(1.0, 1.2), (4.5, 5.0)])
-    start_piece = four_points.sides[abs(first) - 1, 0 if first > 0 else 1]
-    words, grown = [()], [((), start_piece)]
-    for _length in range(7):
-        longer = []
-        for word, piece in grown:
-            for row, sign in itertools.product(range(len(four_points)), (1, -1)):
-                before, behind = four_points.sides[row][::sign]
-                letter = sign * (row + 1)
-                if before == piece and (not word or word[-1] != -letter):
-                    longer.append(((*word, letter), behind))
-        words += [w for w, _ in longer]
-        grown = longer
+    words = words_from(four_points, int(four_points.sides[abs(first) - 1, 0 if first > 0 else 1]), 7)
     assert len(words) > 100
     assert len({four_points.name(w) for w in words}) == len(words)
     for word in words:
@@ -313,6 +318,12 @@ def test_arcs_count_by_their_true_place():
         speed, 0.0 * speed, np.full(2, -0.5), speed,
     )  # fmt: skip
     assert word_of(gates, motion) == word_of(gates, half)
+
+
+def test_a_path_without_length_is_direct(four_points: Gates):
+    none = np.zeros(0)
+    assert class_of(four_points, Path(np.array([1.0]), np.array([1.0]), none, none, none)) == "direct"
+    assert class_of(four_points, [(1.0, 1.0)]) == "direct"
 
 
 def test_arcs_that_touch_a_wall_end_in_finitely_many_pieces():

@@ -12,10 +12,11 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tests.test_homotopy import windings
+from tests.test_homotopy import windings, words_from
 from tests.worlds import ROOM, SIDE, geometry, moved, obstacle_lists, rooms
-from vnav_drake.homotopy import Gates, build_gates, reduced
+from vnav_drake.homotopy import Gates, build_gates, reduced, word_of
 from vnav_drake.homotopy.crossing import box_tree, crossings, orientation
+from vnav_drake.plan import Path
 from vnav_drake.problem import PlanningError
 from vnav_drake.voronoi import PARABOLA, VoronoiDiagram, build_diagram
 from vnav_drake.voronoi.check import free_faces
@@ -23,6 +24,7 @@ from vnav_drake.world import Obstacle, World, WorldError
 
 Array = NDArray[np.float64]
 
+FOUR_IN_ROOM = [Obstacle(((5.0 + 9.0 * i, 6.0 + 8.0 * j),)) for i in (0, 1) for j in (0, 1)]
 levels = st.sampled_from([0.0, 0.05, 0.3])
 seeds = st.integers(0, 2**32 - 1)
 ONE_CENTIMETRE = 0.01  # [m]
@@ -261,6 +263,30 @@ def test_random_worlds_keep_their_names_when_turned(boundary, obstacles, angle, 
     rng = np.random.default_rng(seed)
     points = rng.uniform(0.0, SIDE, (12, 2))
     assert here.name(here.word(points)) == there.name(there.word(moved(points, angle, shift)))
+
+
+@given(rooms, obstacle_lists, levels, seeds)
+def test_names_tell_words_from_one_place_apart(boundary, obstacles, level, seed):
+    gates = gates_or_none(boundary, obstacles, level)
+    assume(len(gates) > 0)
+    assert len(set(gates.tokens)) == len(gates)
+    piece = int(np.random.default_rng(seed).choice(gates.sides.reshape(-1)))
+    words = words_from(gates, piece, 4)
+    assert len({gates.name(word) for word in words}) == len(words)
+    for word in words[:40]:
+        assert word in gates.parse(gates.name(word))
+        assert gates.matches(word, gates.name(word).split(", ") if word else [])
+
+
+@given(seeds, st.floats(0.05, 2.0), st.floats(0.0, 3.0))
+def test_arcs_have_the_word_of_their_many_small_chords(seed, size, bend):
+    # 400 chords of at most 2 m / 400 depart from an arc of curvature 9 by 3e-5 m at most.
+    gates = gates_or_none(ROOM, FOUR_IN_ROOM, 0.2)
+    rng = np.random.default_rng(seed)
+    curvature = bend * rng.uniform(-3.0, 3.0, 60)
+    path = Path.from_arcs(rng.uniform(2.0, 18.0, 2), rng.uniform(0.0, 6.3), curvature, np.full(60, size))
+    fine = path.subdivided(np.full(60, 400))
+    assert word_of(gates, path) == gates.word(np.column_stack([fine.x, fine.y]))
 
 
 # --- exact crossings

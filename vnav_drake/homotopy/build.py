@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 TIE = 1e-7  # of the world's diameter: lengths this near are equal, far above rounding, far below a drawing
+NARROW = 0.05  # of a chain's least distance: places wider by less are as narrow, whatever the drawing says
 ASIDE = 0.1375  # part of the way from the narrowest place to the arc's end: no symmetry leads there
 
 
@@ -117,14 +118,16 @@ def _passage(outlines: Outlines, feet: Array) -> _Passage:
 def _places(part: VoronoiDiagram, core: Core, outlines: Outlines, tie: float) -> tuple[Indices, Array]:
     """Row of the core and parameter of each gate: beside the narrowest place of its chain.
 
-    Where several arcs of a chain are equally narrow, the longest of them, and of equally long ones that
-    whose feet come first in the scenario.
+    Where several arcs of a chain are equally narrow (NARROW), the longest of them, and of equally long ones
+    that whose feet come first in the scenario.
     """
     curves = part.curves.take(core.arcs)
-    row = np.flatnonzero((curves.least_distance <= core.least[core.chain] + tie) & ~core.gateless[core.chain])
-    curves, border = curves.take(row), core.arcs[row]
+    limit = (1.0 + NARROW) * core.least[core.chain] + tie
+    row = np.flatnonzero((curves.least_distance <= limit) & ~core.gateless[core.chain])
+    curves, border, limit = curves.take(row), core.arcs[row], limit[row]
     low, high = curves.span.min(axis=1), curves.span.max(axis=1)
-    steady = (curves.kind == LINEAR) & (np.abs(curves.distance(high) - curves.distance(low)) <= tie)
+    widest = np.maximum(curves.distance(high), curves.distance(low))
+    steady = (curves.kind == LINEAR) & (widest <= limit)
     narrow = np.where(steady, curves.middle, curves.least_distance_at)
     passage = _passage(outlines, feet_of(part, border, curves.points(curves.middle)))
     order = np.lexsort(

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-BLOCK = 32  # pieces of the polyline that share one box in the search for segments near it
+BLOCK = 32  # at most so many pieces of the polyline share one box in the search for segments near it
+BLOCKS = 64  # boxes at least, if there are so many pieces: few pieces are long ones
 # Relative error of a computed determinant of differences: J. R. Shewchuk, "Adaptive precision floating-point
 # arithmetic and fast robust geometric predicates", Discrete & Computational Geometry 18, 1997, Sec. 4.1.
 ROUNDING = (3.0 + 16.0 * 2.0**-53) * 2.0**-53
@@ -81,13 +82,14 @@ def _near(points: Array, start: Array, end: Array, tree: shapely.STRtree) -> tup
     count = len(low)
     if count == 0 or len(start) == 0:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    first = np.arange(0, count, BLOCK)
+    size = min(max(count // BLOCKS, 1), BLOCK)
+    first = np.arange(0, count, size)
     block_low, block_high = np.minimum.reduceat(low, first), np.maximum.reduceat(high, first)
     block, segment = tree.query(
         shapely.box(block_low[:, 0], block_low[:, 1], block_high[:, 0], block_high[:, 1])
     )
-    piece = (first[block][:, None] + np.arange(BLOCK)).reshape(-1)
-    segment = np.repeat(segment, BLOCK)
+    piece = (first[block][:, None] + np.arange(size)).reshape(-1)
+    segment = np.repeat(segment, size)
     real = piece < count
     piece, segment = piece[real], segment[real]
     a, b = start[segment], end[segment]

@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 FLAT = 1e-9  # [m]: an arc that departs less from its chord is its chord
 ROUNDS = 40  # of halving; an arc of 1 km is flat after 20
+BLOCK = 32  # pieces of a path that are first examined together
 
 
 def class_of(gates: Gates, motion: Trajectory | Path | ArrayLike) -> str:
@@ -44,15 +45,32 @@ def homotopic_polyline(world: World, path: Path) -> Array:
     arcs are halved, until they depart by less than FLAT from their chords.
     """
     for _round in range(ROUNDS):
-        bent = path.piece_length**2 * np.abs(path.curvature) > 8.0 * FLAT
-        halved = path.subdivided(np.full(len(bent), 2))
-        middle = np.column_stack([halved.x, halved.y])[1::2]
-        doubtful = np.flatnonzero(bent)
-        room = world.nearest(middle[doubtful])[0]
-        doubtful = doubtful[0.5 * path.piece_length[doubtful] >= room]
-        if len(doubtful) == 0:
+        length = path.piece_length
+        row = np.flatnonzero((length**2 * np.abs(path.curvature) > 8.0 * FLAT) & _near_walls(world, path))
+        turn = 0.25 * path.curvature[row] * length[row]  # of the chord to the middle, against the tangent
+        reach = 0.5 * length[row] * np.sinc(turn / np.pi)
+        angle = path.heading[row] + turn
+        middle = np.column_stack([path.x[row] + reach * np.cos(angle), path.y[row] + reach * np.sin(angle)])
+        row = row[0.5 * length[row] >= world.nearest(middle)[0]]
+        if len(row) == 0:
             break
-        parts = np.ones(len(bent), dtype=np.int64)
-        parts[doubtful] = 2
+        parts = np.ones(len(length), dtype=np.int64)
+        parts[row] = 2
         path = path.subdivided(parts)
     return np.column_stack([path.x, path.y])
+
+
+def _near_walls(world: World, path: Path) -> NDArray[np.bool_]:
+    """(n,) False where a whole block of pieces is so far from all features that none needs halving.
+
+    The middle of a piece is at most `reach` from the block's central joint, so its distance is at least
+    that of the joint less `reach`.
+    """
+    count = len(path.piece_length)
+    first = np.arange(0, count, BLOCK)
+    last, centre = np.minimum(first + BLOCK, count), np.minimum(first + BLOCK // 2, count)
+    s = np.concatenate([[0.0], np.cumsum(path.piece_length)])
+    reach = np.maximum(s[centre] - s[first], s[last] - s[centre])
+    longest = np.maximum.reduceat(path.piece_length, first) if count else reach
+    room = world.nearest(np.column_stack([path.x[centre], path.y[centre]]))[0]
+    return np.repeat(reach + 0.5 * longest >= room, last - first)
