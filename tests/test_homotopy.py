@@ -225,6 +225,17 @@ def test_a_united_obstacle_is_called_by_the_part_that_holds_the_foot():
     assert gates.point[0, 1] == pytest.approx(0.5, abs=1e-12)
 
 
+def test_a_ring_of_short_chains_keeps_its_gates():
+    # 200 posts at 4 m around P: the arcs between P and the posts form a regular polygon at 2 m, with sides of
+    # 4 tan(pi / 200) = 0.063 m, shorter than a twentieth of 2 m; without their gates its ring would be lost.
+    angle = 2.0 * math.pi * np.arange(200) / 200
+    ring = np.array([5.0, 5.0]) + 4.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    posts = [Obstacle((tuple(p),), f"R{i}") for i, p in enumerate(ring.tolist())]
+    gates = gates_of(SQUARE, [Obstacle(((5.0, 5.0),), "P"), *posts])
+    assert len(gates.word(unit_loop((5.0, 5.0), radius=1.0, first=0.01))) == 200
+    assert gates.word(unit_loop((5.0, 5.0), radius=3.0, first=0.01)) != ()
+
+
 # --- names
 
 
