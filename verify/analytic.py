@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from verify.graph_drawing import published_drawing, sampled_drawing
 from verify.report.drawings import ClassDrawing, SpeedGraphDrawing
 from vnav_drake.collocation import Seed
 from vnav_drake.collocation.turning import greatest_steering_rate
@@ -106,7 +107,7 @@ def run_speed_graph(
 
 
 def _seeds(method: str, classes: Sequence[ClassOptimum], gates: Gates) -> list[Seed]:
-    """One seed a class, under the class that its path is of: without a certificate it may have left its own."""
+    """One seed a class, under the class of its path: without a certificate it may have left its own."""
     seeds: dict[str, Seed] = {}
     for optimum in classes:
         name = class_of(gates, optimum.path)
@@ -131,7 +132,11 @@ def _solve(
 
 
 def _drawing(problem: Problem, result: SpeedGraphResult) -> SpeedGraphDrawing:
-    return SpeedGraphDrawing(classes=[_class_drawing(problem, optimum) for optimum in result.classes])
+    graphs = [sampled_drawing(result.sampled)]
+    if result.published is not None:
+        graphs.append(published_drawing(result.published))
+    classes = [_class_drawing(problem, optimum) for optimum in result.classes]
+    return SpeedGraphDrawing(graphs=graphs, classes=classes)
 
 
 def _class_drawing(problem: Problem, optimum: ClassOptimum) -> ClassDrawing:

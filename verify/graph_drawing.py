@@ -1,52 +1,44 @@
-"""Edges of speed graphs as the curves they are, ready to draw."""
+"""Speed graphs ready to draw: their edges as the curves they are, no more of them than a picture holds."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-from numpy.typing import NDArray
 
-from verify.report.drawings import MOST_EDGES, GraphDrawing, share
-from vnav_drake.arcs import leg_points
+from verify.report.drawings import MOST_LINES, GraphDrawing, share
+from vnav_drake.speed_graph.drawing import edge_points
+from vnav_drake.speed_graph.published import PublishedGraph
+from vnav_drake.speed_graph.sampled import SampledGraph
 
-if TYPE_CHECKING:
-    from vnav_drake.speed_graph.sampled import SampledGraph
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
-PARTS = np.linspace(0.0, 1.0, 7)  # of an edge, where it has its points
+PIECES = 6  # straight ones that a line is drawn with
 
 
 def sampled_drawing(graph: SampledGraph) -> GraphDrawing:
-    """The sampled graph with at most MOST_EDGES of its edges, evenly picked."""
-    picked = share(len(graph.edges), MOST_EDGES)
+    """The sampled graph with at most MOST_LINES of its edges, evenly picked."""
+    picked = share(len(graph.edges), MOST_LINES)
     return GraphDrawing(
         kind="sampled",
         nodes=graph.samples.point,
-        edges=edge_lines(graph, picked),
+        lines=edge_points(graph, picked, PIECES),
+        shown=len(picked),
         total=len(graph.edges),
     )
 
 
-def edge_lines(graph: SampledGraph, edge: Indices) -> Array:
-    """Points (k, p, 2) [m] along edges (k,): optimal arcs within a cell, or pieces of borders."""
-    lines = np.empty((len(edge), len(PARTS), 2))
-    is_leg = graph.strip[edge] >= 0
-    lines[is_leg] = _legs(graph, edge[is_leg])
-    border = edge[~is_leg]
-    u = graph.parameter[border]
-    curves = graph.diagram.curves.take(graph.curve[border])
-    lines[~is_leg] = curves.points(u[:, :1] + PARTS * (u[:, 1:] - u[:, :1]))
-    return lines
-
-
-def _legs(graph: SampledGraph, edge: Indices) -> Array:
-    strip, theta = graph.strip[edge], graph.theta[edge]
-    law, radius = graph.problem.braking, graph.problem.robot.radius
-    ends = [graph.samples.clearance[node[edge]] for node in (graph.edges.tail, graph.edges.head)]
-    d1, d2 = (np.maximum(d, law.margin) for d in ends)
-    span = theta[:, 1] - theta[:, 0]
-    swept, clearance = leg_points(law, radius, graph.strips.at_point[strip], d1, d2, span, PARTS)
-    return graph.strips.points(strip, theta[:, :1] + swept, clearance + radius)
+def published_drawing(graph: PublishedGraph) -> GraphDrawing:
+    """The published graph: each edge as the path through the sampled graph that it stands for."""
+    total = len(graph.edges)
+    most = total
+    while True:
+        picked = share(total, most)
+        steps = [graph.path_edge[edge] for edge in picked.tolist()]
+        used = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *steps]))
+        if len(used) <= MOST_LINES or most <= 1:
+            break
+        most //= 2
+    return GraphDrawing(
+        kind="published",
+        nodes=graph.point,
+        lines=edge_points(graph.sampled, used, PIECES),
+        shown=len(picked),
+        total=total,
+    )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from verify.report.numbers import metres, number_in, percent, seconds, with_unit
+from verify.report.numbers import fine_percent, metres, number_in, percent, seconds, with_unit
 from verify.report.palette import method
 from verify.report.story import NOT_PROMISED, OPTIMA, Result, check_rows, executed_plan, travel_times, verdict
-from verify.report.story_classes import certificate, fine_percent
+from verify.report.story_classes import certificate
 from verify.report.wording import LIMITS
 
 

@@ -12,16 +12,17 @@ from vnav_drake.plan import Trajectory
 
 Array = NDArray[np.float64]
 
-MOST_EDGES = 2000  # of a graph that are drawn: more are one blue area, and half a megabyte
+MOST_LINES = 2000  # of a graph that are drawn: more are one blue area, and half a megabyte
 
 
 @dataclass(frozen=True, kw_only=True)
 class GraphDrawing:
-    """A speed graph, its edges as polylines of equally many points each."""
+    """A speed graph, its edges as polylines of equally many points each; edges may share lines."""
 
     kind: str  # sampled, published
     nodes: Array  # (n, 2) [m]
-    edges: Array  # (k, p, 2) [m], of the `total` edges those to draw; p = 2: straight from node to node
+    lines: Array  # (k, p, 2) [m]
+    shown: int  # edges that the lines draw
     total: int  # edges of the graph
 
 

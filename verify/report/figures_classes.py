@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 MOST_CLASSES = 6  # drawn: as many as there are tones
 BAND = 1.7  # [px] by which the line of a class is broader than that of the class before
+LABEL_ROOM = 24.0  # [px] between the middles of two numbers
 LABEL_PLACES = 200  # along a path at which its number may stand
 STRIP = 78.0  # [px] height of one speed profile
 
@@ -69,21 +70,26 @@ def _map(
             lw=broad,
         )
     draw_ends(axes, problem, classes[0].motion if classes else None)
-    for item, place in zip(classes, _label_places(problem, classes), strict=True):
+    room = LABEL_ROOM * float(np.ptp(world.bounds[::2])) / width
+    for item, place in zip(classes, _label_places(problem, classes, room), strict=True):
         _number(axes, item.rank, place)
     return to_svg(figure, **described)
 
 
-def _label_places(problem: Problem, classes: Sequence[ClassDrawing]) -> list[Array]:
-    """Where the number of each class stands: on its path, far from other paths, numbers and both ends."""
+def _label_places(problem: Problem, classes: Sequence[ClassDrawing], room: float) -> list[Array]:
+    """Where the number of each class stands: on its path, far from the other paths.
+
+    `room` [m] is the least distance from the other numbers and from both ends, where that can be.
+    """
     taken = [problem.start.point, problem.goal.point]
     places = []
     for item in classes:
-        rest = [other.points for other in classes if other is not item]
-        trees = cKDTree(np.concatenate([np.array(taken), *rest]))
         candidates = _spread(item.points, LABEL_PLACES)
-        distance, _ = trees.query(candidates)
-        places.append(candidates[int(np.argmax(distance))])
+        apart = np.minimum(cKDTree(np.array(taken)).query(candidates)[0] - room, 0.0)
+        rest = [other.points for other in classes if other is not item]
+        alone = cKDTree(np.concatenate(rest)).query(candidates)[0] if rest else -apart
+        best = int(np.lexsort([alone, apart])[-1])
+        places.append(candidates[best])
         taken.append(places[-1])
     return places
 

@@ -11,7 +11,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
-from verify.report.drawings import MOST_EDGES, GraphDrawing, share
+from verify.report.drawings import GraphDrawing, share
 from verify.report.figures_map import draw_ends, draw_world, map_height
 from verify.report.numbers import count
 from verify.report.palette import MUTED, method
@@ -20,14 +20,15 @@ from vnav_drake.problem import Problem
 
 Array = NDArray[np.float64]
 
-MANY_EDGES = 600  # beyond which lines are hairlines
+MANY_LINES = 600  # beyond which lines are hairlines
 MOST_NODES = 4000
 
 _WORDS = {
     "sampled": ("The sampled graph", "samples on all borders of the proximity cells, legs within a cell"),
     "published": (
         "The published graph",
-        "a node at the least clearance of each Voronoi arc, edges within a cell (Manor 2015, Definition 15)",
+        "a node at the least clearance of each Voronoi arc, joined by the fastest paths within the Voronoi "
+        "cell of an obstacle (Manor 2015, Definition 15)",
     ),
 }
 
@@ -41,41 +42,38 @@ def draw_graphs(problem: Problem, graphs: Sequence[GraphDrawing]) -> Sequence[Pi
 def _graph(problem: Problem, graph: GraphDrawing) -> Picture:
     key = f"graph-{graph.kind}"
     title, made_of = _WORDS.get(graph.kind, (f"The {graph.kind} graph", "nodes and edges"))
-    edges = graph.edges[share(len(graph.edges), MOST_EDGES)]
     nodes = graph.nodes[share(len(graph.nodes), MOST_NODES)]
     shown = f"{count(graph.total)} edges"
-    if len(edges) < graph.total:
-        shown = f"{count(len(edges))} of {shown} are drawn, evenly picked"
+    if graph.shown < graph.total:
+        shown = f"{count(graph.shown)} of {shown} are drawn, evenly picked"
     else:
         shown += ", all drawn"
-    straight = graph.edges.shape[1:2] == (2,)
-    shape = " Edges are drawn straight from node to node; the legs themselves bend." if straight else ""
     told = f"{count(len(graph.nodes))} nodes, {shown}"
     if len(nodes) < len(graph.nodes):
         told += f"; {count(len(nodes))} of the nodes are drawn"
-    caption = f"{made_of[:1].upper()}{made_of[1:]}. {told}.{shape}"
-    svg = _draw(problem, nodes, edges, {"key": key, "title": title, "description": caption})
+    caption = f"{made_of[:1].upper()}{made_of[1:]}. {told}."
+    svg = _draw(problem, nodes, graph.lines, {"key": key, "title": title, "description": caption})
     return Picture(key=key, title=title, description=caption, svg=svg, heading=title, caption=caption)
 
 
-def _draw(problem: Problem, nodes: Array, edges: Array, described: dict[str, str]) -> Markup:
+def _draw(problem: Problem, nodes: Array, lines: Array, described: dict[str, str]) -> Markup:
     figure, axes = new_axes(PANEL, map_height(problem.world, PANEL, bar=False), x="x [m]", y="y [m]")
     draw_world(axes, problem.world, names=False)
     look = method("speed_graph")
-    _lines(axes, edges, look.text)
+    _lines(axes, lines, look.text)
     axes.plot(*_distinct(nodes, problem.world.diameter / 600.0).T, ".", color=MUTED.light, ms=2.0, mew=0)
     draw_ends(axes, problem, None)
     return to_svg(figure, **described)
 
 
-def _lines(axes: Axes, edges: Array, colour: str) -> None:
-    """All edges as one outline: a fraction of the size of one element each."""
-    if not len(edges):
+def _lines(axes: Axes, lines: Array, colour: str) -> None:
+    """All lines as one outline: a fraction of the size of one element each."""
+    if not len(lines):
         return
-    codes = np.full(edges.shape[:2], Outline.LINETO)
+    codes = np.full(lines.shape[:2], Outline.LINETO)
     codes[:, 0] = Outline.MOVETO
-    outline = Outline(edges.reshape(-1, 2), codes.ravel())
-    width = 0.35 if len(edges) > MANY_EDGES else 0.9
+    outline = Outline(lines.reshape(-1, 2), codes.ravel())
+    width = 0.35 if len(lines) > MANY_LINES else 0.9
     axes.add_patch(PathPatch(outline, fill=False, edgecolor=colour, lw=width, alpha=0.7))
 
 

@@ -86,6 +86,14 @@ def percent(ratio: float | None, *, signed: bool = False) -> str:
     return _minus(text) + SPACE + "%"
 
 
+def fine_percent(ratio: float) -> str:
+    """A signed gap, two digits of it however small: the exact and the optimised time differ by millionths."""
+    if abs(100.0 * ratio) >= 5e-4 or ratio == 0.0:
+        return percent(ratio, signed=True)
+    sign = "+" if ratio > 0.0 else ""
+    return f"{sign}{significant(100.0 * ratio, 2)}{SPACE}%"
+
+
 _SMALLER = ((1.0, 1.0, "m"), (1e-3, 1e-3, "mm"), (1e-6, 1e-6, "µm"))
 
 

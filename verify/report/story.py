@@ -12,6 +12,7 @@ from verify.report.numbers import (
     count,
     duration,
     exact,
+    fine_percent,
     metres,
     number_in,
     percent,
@@ -269,7 +270,7 @@ def key_figures(result: Result, evidence: Evidence) -> list[KeyFigure]:
             row = gates[name]
             figures.append(KeyFigure(title, row.value, f"must be {row.limit}" if row.limit != DASH else ""))
     figures += [
-        KeyFigure(title, percent(value, signed=key == "analytic"))
+        KeyFigure(title, fine_percent(value) if key == "analytic" else percent(value))
         for key, title in GAPS.items()
         if (value := number_in(result, "gaps", key)) is not None
     ]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from verify.report.numbers import DASH, count, metres, number_in, percent, seconds, significant
+from verify.report.numbers import DASH, count, fine_percent, metres, number_in, percent, seconds, significant
 from verify.report.palette import rank_variable
 from verify.report.story import CERTIFIED, NOT_CERTIFIED, Result, entries, gate_rows, mapping, words
 from verify.report.wording import CONDITIONS
@@ -37,6 +37,7 @@ class AnalyticRow:
     """The speed graph against the collocation of the same model."""
 
     speed_graph: str
+    exact: str  # of the path, without the slowing that makes its rows safe
     collocation: str
     gap: str
     gate: str  # limit and whether it holds
@@ -86,25 +87,18 @@ def analytic_row(result: Result) -> AnalyticRow | None:
     """Both times of the variational optimum and their gap; None unless there are both."""
     plans = mapping(result, "plans")
     one, other = (number_in(plans, name, "travel_time") for name in ("speed_graph", "collocation"))
-    gap = number_in(result, "gaps", "analytic")
+    gap, exact = number_in(result, "gaps", "analytic"), number_in(plans, "speed_graph", "exact_time")
     if one is None or other is None or gap is None:
         return None
     gate = next((row for row in gate_rows(result) if row.name == "analytic_gap"), None)
     return AnalyticRow(
         speed_graph=f"{one:.{FINE}f}\u00a0s",
+        exact="" if exact is None else f"exact along the path {exact:.{FINE}f}\u00a0s",
         collocation=f"{other:.{FINE}f}\u00a0s",
         gap=fine_percent(gap),
         gate="" if gate is None else f"its size must be {gate.limit}",
         status="" if gate is None else gate.status,
     )
-
-
-def fine_percent(ratio: float) -> str:
-    """A signed gap, two digits of it however small: the exact and the optimised time differ by millionths."""
-    if abs(100.0 * ratio) >= 5e-4 or ratio == 0.0:
-        return percent(ratio, signed=True)
-    sign = "+" if ratio > 0.0 else ""
-    return f"{sign}{significant(100.0 * ratio, 2)}\u00a0%"
 
 
 def graph_words(result: Result) -> str:
