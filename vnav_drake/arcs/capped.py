@@ -1,11 +1,11 @@
 """Optimal arcs near one feature where a greatest speed holds.
 
-Beyond the clearance c where the braking distance allows the greatest speed, arcs are straight. A leg is one of
+Beyond the clearance c where braking allows the greatest speed, arcs are straight. A leg is one of
 
 * one arc below c, or one straight line beyond it;
 * an arc from below that crosses c and goes on straight, in one direction;
-* a ride: arcs or straight lines that touch c tangentially, and c itself between them. Only where r / V (1 / V near
-  a wall) falls towards c from below, so that neither side is faster;
+* a ride: arcs or straight lines that touch c tangentially, and c itself between them. Only where r / V (1 / V
+  near a wall) falls towards c from below, so that neither side is faster;
 * a dip: straight, an arc below c, straight, where r / V grows towards c (points only).
 
 Derived. All pieces of a leg share Clairaut's invariant k, which says that tangents join smoothly. With the
@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
+_NODES = 16  # of quadratures, where only shares of the time are needed
 _ITERATIONS = 80
 _CONVERGED = 4e-15  # relative to the span
 
@@ -46,13 +47,12 @@ class _Case:
     radius: float  # [m]
     at_point: bool
     cap: float  # [m], clearance c
+    nodes: int  # of quadratures
 
     @classmethod
-    def of(cls, law: UniformBraking, radius: float, at_point: bool) -> _Case:
+    def of(cls, law: UniformBraking, radius: float, at_point: bool, nodes: int) -> _Case:
         free = replace(law, max_speed=np.inf)
-        return cls(
-            free, law.max_speed, radius, at_point, float(free.distance(law.max_speed))
-        )
+        return cls(free, law.max_speed, radius, at_point, float(free.distance(law.max_speed)), nodes)
 
     @property
     def edge(self) -> float:
@@ -63,19 +63,10 @@ class _Case:
         return d + self.radius if self.at_point else d
 
     def arcs(self, d1: Array, d2: Array, span: Array, hessian: bool = True) -> Solution:
-        return free_legs(self.free, self.radius, self.at_point, d1, d2, span, hessian)
+        return free_legs(self.free, self.radius, self.at_point, d1, d2, span, hessian, self.nodes)
 
-    def lines(
-        self, d1: Array, d2: Array, span: Array, hessian: bool = True
-    ) -> Solution:
-        return straight_legs(
-            self.speed,
-            self.at_point,
-            self.distance(d1),
-            self.distance(d2),
-            span,
-            hessian,
-        )
+    def lines(self, d1: Array, d2: Array, span: Array, hessian: bool = True) -> Solution:
+        return straight_legs(self.speed, self.at_point, self.distance(d1), self.distance(d2), span, hessian)
 
     def attach_span(self, d: Array) -> Array:
         """Span of the arc from d < c that touches c."""
@@ -86,9 +77,7 @@ class _Case:
         if not self.at_point:
             return np.full_like(d, np.inf)
         r = self.distance(d)
-        return np.arctan2(
-            np.sqrt(np.maximum((r - self.edge) * (r + self.edge), 0.0)), self.edge
-        )
+        return np.arctan2(np.sqrt(np.maximum((r - self.edge) * (r + self.edge), 0.0)), self.edge)
 
 
 @dataclass(frozen=True)
@@ -109,9 +98,10 @@ def capped_legs(
     d2: Array,
     span: Array,
     hessian: bool,
+    nodes: int,
 ) -> Solution:
     """Legs near one kind of feature under a law with a greatest speed; see `solve_legs`."""
-    case = _Case.of(law, radius, at_point)
+    case = _Case.of(law, radius, at_point, nodes)
     back = d1 > d2
     low, high = np.minimum(d1, d2), np.maximum(d1, d2)
     pieces = _split(case, low, high, span)
@@ -149,16 +139,10 @@ def capped_legs(
 
 
 def capped_points(
-    law: UniformBraking,
-    radius: float,
-    at_point: bool,
-    d1: Array,
-    d2: Array,
-    span: Array,
-    fraction: Array,
+    law: UniformBraking, radius: float, at_point: bool, d1: Array, d2: Array, span: Array, fraction: Array
 ) -> tuple[Array, Array]:
     """Foot offset and clearance, (n, k) each, the pieces taking shares of `fraction` by their times."""
-    case = _Case.of(law, radius, at_point)
+    case = _Case.of(law, radius, at_point, _NODES)
     back = (d1 > d2)[:, None]
     pieces = _split(case, np.minimum(d1, d2), np.maximum(d1, d2), span)
     f = np.where(back, 1.0 - fraction, fraction)
@@ -174,10 +158,7 @@ def capped_points(
         local = np.clip((f - low) / np.where(width > 0.0, width, 1.0), 0.0, 1.0)
         before = pieces.span[:, :i].sum(axis=1)[:, None]
         x, d = _piece_points(case, pieces, i, local)
-        offset, clearance = (
-            np.where(inside, before + x, offset),
-            np.where(inside, d, clearance),
-        )
+        offset, clearance = (np.where(inside, before + x, offset), np.where(inside, d, clearance))
     offset = np.where(back, span[:, None] - offset, offset)
     for at, s, d in ((0.0, np.zeros_like(span), d1), (1.0, span, d2)):
         offset = np.where(fraction == at, s[:, None], offset)
@@ -189,9 +170,7 @@ def _ride(case: _Case, d: Array) -> tuple[Array, Array]:
     fast = d >= case.cap
     speed = np.where(fast, case.speed, case.free.speed(d))
     slope = np.where(fast, 0.0, case.free.speed_slope(d))
-    return ride_slope(
-        speed, slope, case.distance(d), case.edge / case.speed, case.at_point
-    )
+    return ride_slope(speed, slope, case.distance(d), case.edge / case.speed, case.at_point)
 
 
 def _split(case: _Case, low: Array, high: Array, span: Array) -> Pieces:
@@ -203,9 +182,7 @@ def _split(case: _Case, low: Array, high: Array, span: Array) -> Pieces:
     line = np.zeros((count, 3), dtype=bool)
     line[:, 1] = fast_low
     pushed = bulges(case.free, case.radius, case.at_point, case.cap)
-    reach = np.zeros(
-        (count, 2)
-    )  # spans of arcs and lines from either end to where they touch c
+    reach = np.zeros((count, 2))  # spans of arcs and lines from either end to where they touch c
     for column, (d, fast) in enumerate(((low, fast_low), (high, high >= case.cap))):
         reach[fast, column] = case.touch_span(d[fast])
         if pushed:
@@ -215,12 +192,8 @@ def _split(case: _Case, low: Array, high: Array, span: Array) -> Pieces:
     dip = np.flatnonzero(over & fast_low & ~ride)
     cross = np.flatnonzero(~fast_low & fast_high & ~ride)
     level[ride, 1:3] = case.cap
-    spans[ride] = np.column_stack([reach[:, 0], span - reach.sum(axis=1), reach[:, 1]])[
-        ride
-    ]
-    line[ride] = np.stack(
-        [fast_low, np.zeros(count, dtype=bool), high >= case.cap], axis=-1
-    )[ride]
+    spans[ride] = np.column_stack([reach[:, 0], span - reach.sum(axis=1), reach[:, 1]])[ride]
+    line[ride] = np.stack([fast_low, np.zeros(count, dtype=bool), high >= case.cap], axis=-1)[ride]
     if dip.size:
         level[dip, 1:3] = case.cap
         line[dip] = [True, False, True]
@@ -229,15 +202,11 @@ def _split(case: _Case, low: Array, high: Array, span: Array) -> Pieces:
         level[cross, 1:3] = case.cap
         line[cross] = [False, False, True]
         first = _cross(case, low[cross], high[cross], span[cross], reach[cross], pushed)
-        spans[cross] = np.stack(
-            [first, np.zeros(cross.size), span[cross] - first], axis=-1
-        )
+        spans[cross] = np.stack([first, np.zeros(cross.size), span[cross] - first], axis=-1)
     return Pieces(level, spans, line, ride)
 
 
-def _cross(
-    case: _Case, low: Array, high: Array, span: Array, reach: Array, pushed: bool
-) -> Array:
+def _cross(case: _Case, low: Array, high: Array, span: Array, reach: Array, pushed: bool) -> Array:
     """Span below c of legs that cross it once: both pieces have the same invariant."""
     cap = np.full_like(low, case.cap)
 
@@ -255,7 +224,7 @@ def _dip(case: _Case, low: Array, high: Array, span: Array) -> Array:
     ends = case.distance(np.stack([low, high], axis=-1))
 
     def lines(i: Indices, arc: Array, hessian: bool) -> tuple[Array, Array]:
-        """Spans (n, 2) of the lines that join an arc smoothly, and the derivative of their sum by its span."""
+        """Spans (n, 2) of lines that join an arc smoothly, and the derivative of their sum by its span."""
         cap = np.full_like(arc, case.cap)
         part = case.arcs(cap, cap, arc, hessian)
         cosine = -part[1][:, 0]  # at c, of the line that goes out
@@ -265,12 +234,8 @@ def _dip(case: _Case, low: Array, high: Array, span: Array) -> Array:
         if not hessian:
             return spans, np.zeros_like(arc)
         with np.errstate(divide="ignore", invalid="ignore"):
-            by_sine = 1.0 / cosine[:, None] - case.edge / ends[i] / np.sqrt(
-                (1.0 - far) * (1.0 + far)
-            )
-            return spans, by_sine.sum(axis=1) * _second(part)[
-                :, 2, 2
-            ] * case.speed / case.edge
+            by_sine = 1.0 / cosine[:, None] - case.edge / ends[i] / np.sqrt((1.0 - far) * (1.0 + far))
+            return spans, by_sine.sum(axis=1) * _second(part)[:, 2, 2] * case.speed / case.edge
 
     def mismatch(i: Indices, x: Array) -> tuple[Array, Array]:
         spans, slope = lines(i, x, True)
@@ -282,12 +247,9 @@ def _dip(case: _Case, low: Array, high: Array, span: Array) -> Array:
 
 
 def _root(
-    function: Callable[[Indices, Array], tuple[Array, Array]],
-    low: Array,
-    high: Array,
-    scale: Array,
+    function: Callable[[Indices, Array], tuple[Array, Array]], low: Array, high: Array, scale: Array
 ) -> Array:
-    """Roots (n,) in brackets low (negative or zero) to high (positive or zero): Newton's method, halving outside.
+    """Roots (n,) between low (value <= 0) and high (value >= 0): Newton's method, halving where it fails.
 
     `function(rows, x)` gives values and derivatives of some rows.
     """
@@ -318,12 +280,7 @@ def _piece(case: _Case, pieces: Pieces, i: int, hessian: bool) -> Solution:
     count = len(pieces.ride)
     time, outward, k = np.zeros(count), np.zeros((count, 2)), np.zeros(count)
     second = np.zeros((count, 3, 3)) if hessian else None
-    d1, d2, span, line = (
-        pieces.level[:, i],
-        pieces.level[:, i + 1],
-        pieces.span[:, i],
-        pieces.line[:, i],
-    )
+    d1, d2, span, line = (pieces.level[:, i], pieces.level[:, i + 1], pieces.span[:, i], pieces.line[:, i])
     riding = pieces.ride & (i == 1)
     time[riding] = span[riding] * case.edge / case.speed
     there = ~riding & ((span > 0.0) | (d1 != d2) | (i == 1))
@@ -337,31 +294,20 @@ def _piece(case: _Case, pieces: Pieces, i: int, hessian: bool) -> Solution:
     return time, outward, k, second
 
 
-def _piece_points(
-    case: _Case, pieces: Pieces, i: int, fraction: Array
-) -> tuple[Array, Array]:
+def _piece_points(case: _Case, pieces: Pieces, i: int, fraction: Array) -> tuple[Array, Array]:
     offset = fraction * pieces.span[:, i : i + 1]
     clearance = np.broadcast_to(pieces.level[:, i : i + 1], fraction.shape).copy()
-    d1, d2, span, line = (
-        pieces.level[:, i],
-        pieces.level[:, i + 1],
-        pieces.span[:, i],
-        pieces.line[:, i],
-    )
+    d1, d2, span, line = (pieces.level[:, i], pieces.level[:, i + 1], pieces.span[:, i], pieces.line[:, i])
     there = ~(pieces.ride & (i == 1)) & ((span > 0.0) | (d1 != d2))
     rows = np.flatnonzero(there & line)
     if rows.size:
         r1, r2 = case.distance(d1[rows]), case.distance(d2[rows])
-        offset[rows], r = straight_points(
-            case.at_point, r1, r2, span[rows], fraction[rows]
-        )
+        offset[rows], r = straight_points(case.at_point, r1, r2, span[rows], fraction[rows])
         clearance[rows] = r - case.distance(np.zeros(1))
     rows = np.flatnonzero(there & ~line)
     if rows.size:
         part = (d1[rows], d2[rows], span[rows], fraction[rows])
-        offset[rows], clearance[rows] = free_points(
-            case.free, case.radius, case.at_point, *part
-        )
+        offset[rows], clearance[rows] = free_points(case.free, case.radius, case.at_point, *part)
     return offset, clearance
 
 
@@ -371,18 +317,13 @@ def _second(part: Solution) -> Array:
 
 
 def _joined(parts: list[Array], two: Mask) -> Array:
-    """Hessians (n, 3, 3) of legs of pieces with Hessians `parts` (n, 3, 3) each; `two`: without the second."""
+    """Hessians (n, 3, 3) of legs from those of three pieces; `two`: without the second."""
     first, _, last = parts
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = [1.0 / h[:, 2, 2] for h in parts]
         eta = 1.0 / (inverse[0] + np.where(two, 0.0, inverse[1]) + inverse[2])
         share = np.stack(
-            [
-                first[:, 0, 2] * inverse[0],
-                last[:, 1, 2] * inverse[2],
-                np.ones_like(eta),
-            ],
-            axis=-1,
+            [first[:, 0, 2] * inverse[0], last[:, 1, 2] * inverse[2], np.ones_like(eta)], axis=-1
         )
         h = eta[:, None, None] * share[:, :, None] * share[:, None, :]
         h[:, 0, 0] += first[:, 0, 0] - first[:, 0, 2] ** 2 * inverse[0]

@@ -1,4 +1,4 @@
-"""Arcs with both ends (nearly) at rest: they leave and come back upright, which closed forms cannot resolve."""
+"""Arcs with both ends (nearly) at rest: they leave and come back upright, too steep for closed forms."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _UPRIGHT = 1e-6  # of the speed gained falling over the span: its cube is below 
 
 
 def lifted(accel: float, v1: Array, v2: Array, span: Array) -> tuple[Array, Array]:
-    """Speeds [m/s] at both ends, raised to a millionth of sqrt(2 a span) where both are below; `span` in [m]."""
+    """Speeds [m/s] at both ends, where both are less raised to 1e-6 sqrt(2 a span); `span` in [m]."""
     least = _UPRIGHT * np.sqrt(2.0 * accel * span)
     least = np.where(np.maximum(v1, v2) < least, least, 0.0)
     return np.maximum(v1, least), np.maximum(v2, least)

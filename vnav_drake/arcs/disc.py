@@ -22,8 +22,9 @@ kappa = 2 + 2 l is that of the critical circle z = 1 (least r / V):
     theta = 2 m sqrt(2 N / D2) R_F(p + p^2 / 2 + g / 2, p + 1 - t, p + 1 + t) + 2 atan(m M),
     p = (P + l A - m^2 E (A + l P)) / sqrt(N D2),  t = m sqrt(D1 / D2),  g = 1 - t^2,
 
-through turning points and across the critical circle alike, without branches. With m = m* tanh(nu) the angle is proportional to nu near zero and grows as 2 nu far out, so that Newton's method
-needs few steps. Without lag the time is in closed form too,
+through turning points and across the critical circle alike, without branches. With m = m* tanh(nu) the angle
+is proportional to nu near zero and linear in nu far out, so that Newton's method needs few steps. Without lag
+the time is in closed form too,
 
     T = sqrt(L / 2a) sqrt(D1 / D2) [2 + (4/3) m^2 N^2 / sqrt(D2) R_D(N q / D2, P^2 q, N)],  q = 1 - m^2 A^2;
 
@@ -86,11 +87,7 @@ class Ends:
         with np.errstate(divide="ignore"):
             still = self.y + 1.0 / self.y + 2.0 * self.lag
         kappa = np.where(moved, 2.0 * m * self.n / safe, still)
-        return (
-            kappa,
-            np.clip(along - across, -1.0, 1.0),
-            np.clip(along + across, -1.0, 1.0),
-        )
+        return (kappa, np.clip(along - across, -1.0, 1.0), np.clip(along + across, -1.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -119,23 +116,13 @@ class Arguments:
             p, g = e.p * left, (1.0 + square * e.p * e.p) * left
         p, g = p / np.sqrt(e.n * d2), g / d2
         first, second = p + 0.5 * (p * p + g), p + g / (1.0 + t)
-        return cls(
-            d1,
-            d2,
-            p,
-            t,
-            np.maximum(first, 0.0),
-            np.maximum(second, _LEAST),
-            p + 1.0 + t,
-        )
+        return cls(d1, d2, p, t, np.maximum(first, 0.0), np.maximum(second, _LEAST), p + 1.0 + t)
 
 
 def angle(e: Ends, m: Array, left: Array) -> Array:
     """Angle [rad] swept by the arcs of parameter m."""
     q = Arguments.of(e, m, left)
-    half = m * np.sqrt(2.0 * e.n / q.d2) * elliprf(
-        q.first, q.second, q.third
-    ) + np.arctan(m * e.m)
+    half = m * np.sqrt(2.0 * e.n / q.d2) * elliprf(q.first, q.second, q.third) + np.arctan(m * e.m)
     return np.asarray(2.0 * half)
 
 
@@ -153,9 +140,7 @@ def _angle_slope(e: Ends, m: Array, left: Array) -> tuple[Array, Array]:
         + elliprd(q.first, q.second, q.third) * (p + t)
     )
     theta = 2.0 * factor * value + 2.0 * np.arctan(m * e.m)
-    return theta, 2.0 * factor * (
-        (1.0 / m - d2) * value - fall / 6.0
-    ) + 2.0 * e.m / q.d2
+    return theta, 2.0 * factor * ((1.0 / m - d2) * value - fall / 6.0) + 2.0 * e.m / q.d2
 
 
 def solve(e: Ends, span: Array) -> tuple[Array, Array]:
@@ -164,10 +149,7 @@ def solve(e: Ends, span: Array) -> tuple[Array, Array]:
     largest = e.top
     open_ = np.flatnonzero(span > 0.0)
     p = (e.p + e.lag * e.a) / np.sqrt(e.n)
-    flat = (
-        2.0 * np.sqrt(2.0 * e.n) * elliprf(p + 0.5 * p * p + 0.5, 1.0 + p, 1.0 + p)
-        + 2.0 * e.m
-    )
+    flat = 2.0 * np.sqrt(2.0 * e.n) * elliprf(p + 0.5 * p * p + 0.5, 1.0 + p, 1.0 + p) + 2.0 * e.m
     flat = np.maximum(flat * largest, _LEAST)[open_]
     nu[open_] = np.minimum(span[open_] / flat, 0.5 * span[open_] + 1.0)
     for _ in range(_ITERATIONS):
@@ -180,10 +162,7 @@ def solve(e: Ends, span: Array) -> tuple[Array, Array]:
         step = (theta - span[open_]) / slope
         new = np.maximum(at - np.clip(step, -2.0, 2.0), 0.25 * at)
         nu[open_] = new
-        open_ = open_[
-            np.abs(new - at)
-            > _CONVERGED * new + _ROUNDING * (1.0 / slope + lagging / left)
-        ]
+        open_ = open_[np.abs(new - at) > _CONVERGED * new + _ROUNDING * (1.0 / slope + lagging / left)]
     return largest * np.tanh(nu), 1.0 / np.cosh(nu) ** 2
 
 
@@ -191,23 +170,15 @@ def _largest(lag: float, y: Array, x: Array, m: Array, n: Array, e: Array) -> Ar
     """m*: of the arcs that come to the critical circle from both ends, without arriving."""
     kappa = 2.0 + 2.0 * lag
     to_y, to_x = (
-        (1.0 - z)
-        * np.sqrt(z * z + (2.0 + 4.0 * lag) * z + 1.0)
-        / (z * z + 2.0 * lag * z + 1.0)
+        (1.0 - z) * np.sqrt(z * z + (2.0 + 4.0 * lag) * z + 1.0) / (z * z + 2.0 * lag * z + 1.0)
         for z in (y, x)
     )
-    apart = (
-        to_y * to_x <= 0.0
-    )  # on either side: cos beta_1 = to_y, cos beta_2 = -to_x have one sign
+    apart = to_y * to_x <= 0.0  # on either side: cos beta_1 = to_y, cos beta_2 = -to_x have one sign
     with np.errstate(divide="ignore", invalid="ignore"):
         through = kappa * (x - y) / (n * (to_y - to_x))
         around = -n * (to_y + to_x) / (kappa * e * m)
     on_circle = (np.abs(to_y) < _ON_CIRCLE) & (np.abs(to_x) < _ON_CIRCLE)
-    return np.where(
-        on_circle,
-        n / (kappa * e * np.sqrt(1.0 + lag)),
-        np.where(apart, through, around),
-    )
+    return np.where(on_circle, n / (kappa * e * np.sqrt(1.0 + lag)), np.where(apart, through, around))
 
 
 def ends_of(accel: float, lag: float, level: float, v1: Array, v2: Array) -> Ends:

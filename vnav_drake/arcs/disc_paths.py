@@ -1,8 +1,8 @@
 """Points along the arcs of `disc`, and their radial action.
 
 Derived. With chi = log z, s = 2 cosh(chi) + 2 l, and along an arc chi'^2 = s^2 - kappa^2 has its zeros
-nearest to the real axis at +-c, cosh c = kappa / 2 - l, or +-i c, cos c = kappa / 2 - l. So chi = +-c cosh u or
-c sinh u makes all that is integrated analytic, through turning points and close to the critical circle.
+nearest to the real axis at +-c, cosh c = kappa / 2 - l, or +-i c, cos c = kappa / 2 - l. So chi = +-c cosh u
+or c sinh u makes all that is integrated analytic, through turning points and close to the critical circle.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from vnav_drake.arcs.disc import Ends, angle, ends_of, solve
 
 Array = NDArray[np.float64]
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 _LEAST_SCALE = 1e-7  # of c: what is smaller changes the grid, not the points
 _AT_CIRCLE = 1e-4  # of chi: its cube is below rounding
 _LARGEST = 1e75  # of kappa and of 1 / z where V = 0
@@ -31,9 +30,7 @@ class _Course:
 
     lag: float
     kappa: Array
-    inner: NDArray[
-        np.bool_
-    ]  # below the invariant of the critical circle: no turning point
+    inner: NDArray[np.bool_]  # below the invariant of the critical circle: no turning point
     side: Array  # inner: sign of the change of chi; else sign of chi
     scale: Array  # c
     u: Array  # (n, 2)
@@ -44,18 +41,12 @@ class _Course:
         gap = 0.5 * (0.5 * kappa - e.lag - 1.0)  # sinh^2(c / 2) or -sin^2(c / 2)
         inner = (gap < 0.0) | (chi[:, 0] * chi[:, 1] < 0.0)
         half = np.sqrt(np.abs(gap))
-        scale = np.where(
-            inner, 2.0 * np.arcsin(np.minimum(half, 1.0)), 2.0 * np.arcsinh(half)
-        )
+        scale = np.where(inner, 2.0 * np.arcsin(np.minimum(half, 1.0)), 2.0 * np.arcsinh(half))
         scale = np.maximum(scale, _LEAST_SCALE)[:, None]
         away = np.sign(np.stack([cos1, cos2], axis=-1)) * np.sign(chi)
         turned = away * np.arccosh(np.maximum(np.abs(chi) / scale, 1.0))
         u = np.where(inner[:, None], np.arcsinh(chi / scale), turned)
-        side = np.where(
-            inner,
-            np.where(e.b < 0.0, -1.0, 1.0),
-            np.where(chi.sum(axis=1) < 0.0, -1.0, 1.0),
-        )
+        side = np.where(inner, np.where(e.b < 0.0, -1.0, 1.0), np.where(chi.sum(axis=1) < 0.0, -1.0, 1.0))
         return cls(e.lag, kappa[:, None], inner[:, None], side[:, None], scale, u)
 
     def at(self, u: Array) -> tuple[Array, Array, Array]:
@@ -63,46 +54,29 @@ class _Course:
         sinh, cosh = np.sinh(u), np.cosh(u)
         chi = self.scale * np.where(self.inner, sinh, self.side * cosh)
         gap = 0.5 * (1.0 + self.lag - 0.5 * self.kappa)
-        near, far = (
-            np.sinh(self.scale * np.sinh(0.5 * u) ** 2),
-            np.sinh(self.scale * np.cosh(0.5 * u) ** 2),
-        )
-        excess = 4.0 * np.where(
-            self.inner, np.maximum(np.sinh(0.5 * chi) ** 2 + gap, 0.0), near * far
-        )
+        near, far = (np.sinh(self.scale * np.sinh(0.5 * u) ** 2), np.sinh(self.scale * np.cosh(0.5 * u) ** 2))
+        excess = 4.0 * np.where(self.inner, np.maximum(np.sinh(0.5 * chi) ** 2 + gap, 0.0), near * far)
         total = 2.0 * np.cosh(chi) + 2.0 * self.lag + self.kappa
         sign = np.where(self.inner, self.side, self.side * np.sign(u))
-        return (
-            chi,
-            self.scale * np.where(self.inner, cosh, np.abs(sinh)),
-            sign * np.sqrt(excess * total),
-        )
+        return (chi, self.scale * np.where(self.inner, cosh, np.abs(sinh)), sign * np.sqrt(excess * total))
 
 
-def radial_action(e: Ends, kappa: Array, cos1: Array, cos2: Array) -> Array:
-    """(n,) integral of 2 (1 + l/z) |cos beta| |dz|, that is T / sqrt(L / 2a) - kappa theta."""
+def radial_action(e: Ends, kappa: Array, cos1: Array, cos2: Array, nodes: int) -> Array:
+    """(n,) integral of 2 (1 + l/z) |cos beta| |dz|, that is T / sqrt(L / 2a) - kappa theta.
+
+    Gauss-Legendre quadrature in u with 3 `nodes`.
+    """
+    node, weight = np.polynomial.legendre.leggauss(3 * nodes)
     course = _Course.of(e, np.minimum(kappa, _LARGEST), cos1, cos2)
     middle, half = course.u.mean(axis=1, keepdims=True), 0.5 * np.diff(course.u, axis=1)
-    chi, speed, rate = course.at(middle + half * _NODES)
-    value = (
-        2.0
-        * (np.exp(chi) + e.lag)
-        * speed
-        * np.abs(rate)
-        / (2.0 * np.cosh(chi) + 2.0 * e.lag)
-    )
-    action = np.abs(half[:, 0]) * (value @ _WEIGHTS)
+    chi, speed, rate = course.at(middle + half * node)
+    value = 2.0 * (np.exp(chi) + e.lag) * speed * np.abs(rate) / (2.0 * np.cosh(chi) + 2.0 * e.lag)
+    action = np.abs(half[:, 0]) * (value @ weight)
     return np.asarray(action)
 
 
 def disc_points(
-    accel: float,
-    lag: float,
-    level: float,
-    v1: Array,
-    v2: Array,
-    span: Array,
-    fraction: Array,
+    accel: float, lag: float, level: float, v1: Array, v2: Array, span: Array, fraction: Array
 ) -> tuple[Array, Array]:
     """Swept angle [rad] and safe speed [m/s], (n, k) each, at `fraction` (n, k) of the course.
 
@@ -119,16 +93,10 @@ def disc_points(
     else:
         theta, z = _prompt(e, m, left, kappa, cos1, cos2, fraction)
     circling, near = _circling(e, span, fraction)
-    theta, z = (
-        np.where(circling, fraction * span[:, None], theta),
-        np.where(circling, near, z),
-    )
+    theta, z = (np.where(circling, fraction * span[:, None], theta), np.where(circling, near, z))
     theta, z = np.clip(theta, 0.0, span[:, None]), unit * z
     for at, s, v in ((0.0, np.zeros_like(span), given[0]), (1.0, span, given[1])):
-        theta, z = (
-            np.where(fraction == at, s[:, None], theta),
-            np.where(fraction == at, v[:, None], z),
-        )
+        theta, z = (np.where(fraction == at, s[:, None], theta), np.where(fraction == at, v[:, None], z))
     return theta, z
 
 
@@ -144,9 +112,7 @@ def _circling(e: Ends, span: Array, fraction: Array) -> tuple[NDArray[np.bool_],
     return np.maximum(np.abs(y), np.abs(x)) < _AT_CIRCLE, np.exp(chi)
 
 
-def _lagging(
-    e: Ends, kappa: Array, cos1: Array, cos2: Array, fraction: Array
-) -> tuple[Array, Array]:
+def _lagging(e: Ends, kappa: Array, cos1: Array, cos2: Array, fraction: Array) -> tuple[Array, Array]:
     """Angle and z at `fraction` of u.
 
     The angle is that of the arc from the start, whose m = tan((beta_1 - beta) / 2) / M is had from
@@ -163,34 +129,22 @@ def _lagging(
         straight = course.kappa * part.b / (part.n * (cos1 + cos))
         turned = part.n * (cos - cos1) / (course.kappa * part.e * part.m)
         m = np.where(cos1 * cos >= 0.0, straight, turned)
-    m = np.where(
-        (course.kappa > 0.0) & (fraction > 0.0) & np.isfinite(m),
-        np.maximum(m, 0.0),
-        0.0,
-    )
+    m = np.where((course.kappa > 0.0) & (fraction > 0.0) & np.isfinite(m), np.maximum(m, 0.0), 0.0)
     m = np.minimum(m, part.top)
     return angle(part, m, 1.0 - (m / part.top) ** 2), z
 
 
 def _prompt(
-    e: Ends,
-    m: Array,
-    left: Array,
-    kappa: Array,
-    cos1: Array,
-    cos2: Array,
-    fraction: Array,
+    e: Ends, m: Array, left: Array, kappa: Array, cos1: Array, cos2: Array, fraction: Array
 ) -> tuple[Array, Array]:
     """Angle and z at `fraction` of tau, the integral of dz / sqrt Q, without lag.
 
-    With S = sinh(chi), S'^2 = (1 + S^2)(4 - kappa^2 + 4 S^2), so that S is k' sc(2 tau + c), k = kappa / 2, up
-    to kappa = 2, and +-K nc(kappa tau + c), K^2 = kappa^2 / 4 - 1, modulus 2 / kappa, beyond.
+    With S = sinh(chi), S'^2 = (1 + S^2)(4 - kappa^2 + 4 S^2), so that S is k' sc(2 tau + c), k = kappa / 2,
+    up to kappa = 2, and +-K nc(kappa tau + c), K^2 = kappa^2 / 4 - 1, modulus 2 / kappa, beyond.
     """
     d1, d2 = e.b**2 + (m * e.e) ** 2, 1.0 + (m * e.m) ** 2
     product = np.where(d1 > 0.0, d1 * d2, 1.0)
-    excess = (
-        left * (e.b - m * e.p * e.m) * (e.b + m * e.p * e.m) / product
-    )  # 1 - kappa^2 / 4
+    excess = left * (e.b - m * e.p * e.m) * (e.b + m * e.p * e.m) / product  # 1 - kappa^2 / 4
     inner = ((excess > 0.0) | ((e.x - 1.0) * (e.y - 1.0) < 0.0))[:, None]
     bound = np.maximum(np.sqrt(np.abs(excess)), _LEAST_SCALE)[:, None]
     with np.errstate(divide="ignore"):
@@ -198,9 +152,7 @@ def _prompt(
     rising = np.where(e.b < 0.0, -1.0, 1.0)[:, None]
     side = np.where(ends.sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
     kappa = kappa[:, None]
-    modulus = np.minimum(
-        np.where(inner, 0.25 * kappa**2, 4.0 / np.maximum(kappa, 2.0) ** 2), 1.0
-    )
+    modulus = np.minimum(np.where(inner, 0.25 * kappa**2, 4.0 / np.maximum(kappa, 2.0) ** 2), 1.0)
     away = np.sign(np.stack([cos1, cos2], axis=-1)) * np.sign(ends)
     turning = np.arccos(np.clip(bound / np.maximum(np.abs(ends), bound), 0.0, 1.0))
     v = ellipkinc(np.where(inner, np.arctan2(ends, bound), away * turning), modulus)
@@ -214,7 +166,5 @@ def _prompt(
     beta = np.arctan2(kappa, change * bound / cn / np.hypot(1.0, sinh))
     tau = (at - v[:, :1]) / np.where(inner, 2.0 * rising, np.maximum(kappa, _LEAST))
     with np.errstate(divide="ignore", invalid="ignore"):
-        beta1 = np.where(
-            e.y > 0.0, np.arctan2(kappa[:, 0], cos1 * (e.y + 1.0 / e.y)), 0.0
-        )
+        beta1 = np.where(e.y > 0.0, np.arctan2(kappa[:, 0], cos1 * (e.y + 1.0 / e.y)), 0.0)
     return kappa * tau + beta1[:, None] - beta, z

@@ -23,9 +23,7 @@ def point_legs(
     gap = np.sqrt((q2 - q1) ** 2 + 2.0 * q1 * q2 * versine)
     safe = np.where(gap > 0.0, gap, 1.0)
     rise = q2 - q1
-    outward = (
-        np.stack([rise - q2 * versine, rise + q1 * versine], axis=-1) / safe[:, None]
-    )
+    outward = np.stack([rise - q2 * versine, rise + q1 * versine], axis=-1) / safe[:, None]
     time = scale * gap
     turned = 0.5 * scale * q1 * q2 * sine / safe
     invariant = np.where(gap > 0.0, turned, 0.5 * scale * np.maximum(q1, q2))
@@ -54,15 +52,11 @@ def point_legs(
     return time, outward, invariant, h
 
 
-def point_points(
-    r1: Array, r2: Array, span: Array, fraction: Array
-) -> tuple[Array, Array]:
+def point_points(r1: Array, r2: Array, span: Array, fraction: Array) -> tuple[Array, Array]:
     """Swept angle [rad] and distance to the point [m], (n, k) each, at `fraction` (n, k) of the time."""
     half = 0.5 * np.minimum(span, 2.0 * np.pi)[:, None]
     q1, q2 = np.sqrt(r1)[:, None], np.sqrt(r2)[:, None]
     x = (1.0 - fraction) * q1 + fraction * q2 * np.cos(half)
     y = fraction * q2 * np.sin(half)
-    angle = np.where(
-        (x == 0.0) & (y == 0.0), half * (fraction > 0.5), 2.0 * np.arctan2(y, x)
-    )
+    angle = np.where((x == 0.0) & (y == 0.0), half * (fraction > 0.5), 2.0 * np.arctan2(y, x))
     return np.clip(angle, 0.0, span[:, None]), x * x + y * y

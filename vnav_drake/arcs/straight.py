@@ -13,20 +13,16 @@ def straight_legs(
 ) -> tuple[Array, Array, Array, Array | None]:
     """Time, outward, invariant and Hessian by (r1, r2, span) of straight legs at `speed` [m/s].
 
-    `r1`, `r2` (n,) [m] are distances to the wall, or to the point (span below pi [rad]). The length D is the root
-    of F, so that its Hessian is (F'' / 2 - D' D') / D.
+    `r1`, `r2` (n,) [m] are distances to the wall, or to the point (span below pi [rad]). The length D is the
+    root of F, so that its Hessian is (F'' / 2 - D' D') / D.
     """
     rise = r2 - r1
     versine = 2.0 * np.sin(0.5 * span) ** 2 if at_point else np.zeros_like(span)
     across = r1 * r2 * np.sin(span) if at_point else span
-    length = np.sqrt(
-        rise * rise + (2.0 * r1 * r2 * versine if at_point else span * span)
-    )
+    length = np.sqrt(rise * rise + (2.0 * r1 * r2 * versine if at_point else span * span))
     moved = length > 0.0
     safe = np.where(moved, length, 1.0)
-    outward = (
-        np.stack([rise - r2 * versine, rise + r1 * versine], axis=-1) / safe[:, None]
-    )
+    outward = np.stack([rise - r2 * versine, rise + r1 * versine], axis=-1) / safe[:, None]
     still = np.maximum(r1, r2) if at_point else np.ones_like(span)
     invariant = np.where(moved, across / safe, still)
     if not hessian:
@@ -40,9 +36,7 @@ def straight_legs(
         h[:, 1, 2] = h[:, 2, 1] = r1 * np.sin(span)
     slope = np.stack([-outward[:, 0], outward[:, 1], invariant], axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        h = (h - slope[:, :, None] * slope[:, None, :]) / (length * speed)[
-            :, None, None
-        ]
+        h = (h - slope[:, :, None] * slope[:, None, :]) / (length * speed)[:, None, None]
     return length / speed, outward, invariant / speed, h
 
 
@@ -53,16 +47,11 @@ def straight_points(
     r1, r2, span = r1[:, None], r2[:, None], span[:, None]
     if not at_point:
         return fraction * span, (1.0 - fraction) * r1 + fraction * r2
-    x, y = (
-        (1.0 - fraction) * r1 + fraction * r2 * np.cos(span),
-        fraction * r2 * np.sin(span),
-    )
+    x, y = ((1.0 - fraction) * r1 + fraction * r2 * np.cos(span), fraction * r2 * np.sin(span))
     return np.arctan2(y, x), np.hypot(x, y)
 
 
-def ride_slope(
-    speed: Array, slope: Array, r: Array, invariant: float, at_point: bool
-) -> tuple[Array, Array]:
+def ride_slope(speed: Array, slope: Array, r: Array, invariant: float, at_point: bool) -> tuple[Array, Array]:
     """|cos beta| / V and its derivative by d, (n,), of arcs with a given invariant k.
 
     From sin(beta) = k V / r (near a wall k V): the root of f = 1 / V^2 - (k / r)^2. `slope` = V' [1/s].

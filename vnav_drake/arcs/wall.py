@@ -30,9 +30,7 @@ _TINY = 1e-300  # keeps quotients finite where the result is infinite anyway
 _ORDERS = np.arange(1, 11)
 _FACTORIALS = np.cumprod(np.arange(1.0, 22.0))[2 * _ORDERS]  # (2 n + 1)!
 _SIGNS = np.where(_ORDERS % 2, 1.0, -1.0)
-_TURN = (
-    _SIGNS * 2.0 ** (2 * _ORDERS) / _FACTORIALS
-)  # (W - sin W cos W) / W, powers of W^2
+_TURN = _SIGNS * 2.0 ** (2 * _ORDERS) / _FACTORIALS  # (W - sin W cos W) / W, powers of W^2
 _MIX = _SIGNS * 2.0 * _ORDERS / _FACTORIALS  # (sin W - W cos W) / W, powers of W^2
 
 
@@ -53,9 +51,7 @@ def _kernels(w: Array, sine: Array, cosine: Array) -> tuple[Array, Array]:
     return turn / below, mix / below
 
 
-def _advance(
-    accel: float, lag: float, v1: Array, v2: Array, u: Array
-) -> tuple[Array, Array, Array]:
+def _advance(accel: float, lag: float, v1: Array, v2: Array, u: Array) -> tuple[Array, Array, Array]:
     """x(u) [m], its derivative by u, and W."""
     w = 2.0 * np.arctan(u)
     cosine_square = 1.0 / (1.0 + u * u)
@@ -74,18 +70,11 @@ def _advance(
 
 def solve_turn(accel: float, lag: float, v1: Array, v2: Array, span: Array) -> Array:
     """tan(W/2) (n,) of the arcs between speeds v1, v2 [m/s] that advance by `span` [m] along the wall."""
-    squares, product = (
-        (v1 * v1 + v2 * v2) / (2.0 * accel),
-        2.0 * v1 * v2 / (2.0 * accel),
-    )
+    squares, product = ((v1 * v1 + v2 * v2) / (2.0 * accel), 2.0 * v1 * v2 / (2.0 * accel))
     first = (4.0 * squares + 2.0 * product) / 3.0 + lag / accel * (v1 + v2)
     second = 0.25 * np.pi * (squares + product)
     discriminant = np.sqrt(first * first + 4.0 * second * span)
-    u = np.where(
-        span > 0.0,
-        2.0 * span / np.where(discriminant > 0.0, first + discriminant, 1.0),
-        0.0,
-    )
+    u = np.where(span > 0.0, 2.0 * span / np.where(discriminant > 0.0, first + discriminant, 1.0), 0.0)
     open_ = np.flatnonzero(u > 0.0)
     for _ in range(_ITERATIONS):
         if open_.size == 0:
@@ -128,18 +117,11 @@ def wall_legs(
         total = np.where(v1 + v2 > 0.0, v1 + v2, 1.0)
         ratio = side / total
         gap = 4.0 * v1 * v2 * cosine_square / (total * total)  # 1 - ratio^2
-        time = time + lag / accel * np.log1p(
-            2.0 * ratio * (1.0 + ratio) / np.maximum(gap, _TINY)
-        )
+        time = time + lag / accel * np.log1p(2.0 * ratio * (1.0 + ratio) / np.maximum(gap, _TINY))
     time = time + np.where(
-        v1 + v2 > 0.0,
-        upright_time(accel, lag, v1, given[0]) + upright_time(accel, lag, v2, given[1]),
-        0.0,
+        v1 + v2 > 0.0, upright_time(accel, lag, v1, given[0]) + upright_time(accel, lag, v2, given[1]), 0.0
     )
-    outward = (
-        np.stack([rise + 2.0 * v1 * half, rise - 2.0 * v2 * half], axis=-1)
-        / safe[:, None]
-    )
+    outward = np.stack([rise + 2.0 * v1 * half, rise - 2.0 * v2 * half], axis=-1) / safe[:, None]
     with np.errstate(divide="ignore"):
         invariant = np.where(unmoved, 1.0 / np.maximum(v1, v2), sine / safe)
     if not hessian:
@@ -147,16 +129,10 @@ def wall_legs(
     return time, outward, invariant, _hessian(accel, lag, v1, v2, u, side)
 
 
-def _hessian(
-    accel: float, lag: float, v1: Array, v2: Array, u: Array, side: Array
-) -> Array:
+def _hessian(accel: float, lag: float, v1: Array, v2: Array, u: Array, side: Array) -> Array:
     """Derivative of the gradient (-c1/V1, c2/V2, k) at constant (V1, V2, W), and of W through x = span."""
     cosine_square = 1.0 / (1.0 + u * u)
-    sine, cosine, w = (
-        2.0 * u * cosine_square,
-        (1.0 - u * u) * cosine_square,
-        2.0 * np.arctan(u),
-    )
+    sine, cosine, w = (2.0 * u * cosine_square, (1.0 - u * u) * cosine_square, 2.0 * np.arctan(u))
     turn, mix = _kernels(w, sine, cosine)
     _, slope, _ = _advance(accel, lag, v1, v2, u)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -168,26 +144,12 @@ def _hessian(
             ],
             axis=-1,
         )
-        s1, s2, s3 = (
-            (v1 - v2 * cosine) / side,
-            (v2 - v1 * cosine) / side,
-            v1 * v2 * sine / side,
-        )
-        p1, p2, k = (
-            (v1 * cosine - v2) / (v1 * side),
-            (v2 * cosine - v1) / (v2 * side),
-            sine / side,
-        )
+        s1, s2, s3 = ((v1 - v2 * cosine) / side, (v2 - v1 * cosine) / side, v1 * v2 * sine / side)
+        p1, p2, k = ((v1 * cosine - v2) / (v1 * side), (v2 * cosine - v1) / (v2 * side), sine / side)
         partial = np.empty((len(u), 3, 3))
-        partial[:, 0] = np.stack(
-            [v2 / (v1 * v1 * side), -1.0 / (v1 * side), -sine / side], axis=-1
-        )
-        partial[:, 1] = np.stack(
-            [-1.0 / (v2 * side), v1 / (v2 * v2 * side), -sine / side], axis=-1
-        )
-        partial[:, 2] = np.stack(
-            [np.zeros_like(u), np.zeros_like(u), cosine / side], axis=-1
-        )
+        partial[:, 0] = np.stack([v2 / (v1 * v1 * side), -1.0 / (v1 * side), -sine / side], axis=-1)
+        partial[:, 1] = np.stack([-1.0 / (v2 * side), v1 / (v2 * v2 * side), -sine / side], axis=-1)
+        partial[:, 2] = np.stack([np.zeros_like(u), np.zeros_like(u), cosine / side], axis=-1)
         through = np.stack([s1, s2, s3], axis=-1) / side[:, None]
         partial -= np.stack([p1, p2, k], axis=-1)[:, :, None] * through[:, None, :]
         by_w = partial[:, :, 2] / x[:, 2:]
