@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from verify.report.drawings import GraphDrawing, share
 from verify.report.figures_map import draw_ends, draw_world, map_height
 from verify.report.numbers import count
-from verify.report.palette import MUTED, method
+from verify.report.palette import INK, MUTED, method
 from verify.report.svg import PANEL, Picture, drawing_style, new_axes, to_svg
 from vnav_drake.problem import Problem
 
 Array = NDArray[np.float64]
 
-MANY_LINES = 600  # beyond which lines are hairlines
+FEW_NODES = 200  # up to which nodes and edges are drawn to be seen one by one
 MOST_NODES = 4000
 
 _WORDS = {
@@ -60,20 +60,21 @@ def _draw(problem: Problem, nodes: Array, lines: Array, described: dict[str, str
     figure, axes = new_axes(PANEL, map_height(problem.world, PANEL, bar=False), x="x [m]", y="y [m]")
     draw_world(axes, problem.world, names=False)
     look = method("speed_graph")
-    _lines(axes, lines, look.text)
-    axes.plot(*_distinct(nodes, problem.world.diameter / 600.0).T, ".", color=MUTED.light, ms=2.0, mew=0)
+    few = len(nodes) <= FEW_NODES
+    _lines(axes, lines, look.text, 0.8 if few else 0.35)
+    dots = _distinct(nodes, problem.world.diameter / 600.0)
+    axes.plot(*dots.T, "o", color=INK.light if few else MUTED.light, ms=3.4 if few else 1.4, mew=0)
     draw_ends(axes, problem, None)
     return to_svg(figure, **described)
 
 
-def _lines(axes: Axes, lines: Array, colour: str) -> None:
+def _lines(axes: Axes, lines: Array, colour: str, width: float) -> None:
     """All lines as one outline: a fraction of the size of one element each."""
     if not len(lines):
         return
     codes = np.full(lines.shape[:2], Outline.LINETO)
     codes[:, 0] = Outline.MOVETO
     outline = Outline(lines.reshape(-1, 2), codes.ravel())
-    width = 0.35 if len(lines) > MANY_LINES else 0.9
     axes.add_patch(PathPatch(outline, fill=False, edgecolor=colour, lw=width, alpha=0.7))
 
 
