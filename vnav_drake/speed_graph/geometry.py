@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from vnav_drake.biarcs import biarcs
 from vnav_drake.plan import Path
 from vnav_drake.speed_graph.chart import along
-from vnav_drake.speed_graph.newton import Solver, State
+from vnav_drake.speed_graph.state import Evaluator, State
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ RIDE_SAMPLES = 21  # of each stretch on a Voronoi arc
 SHORT = 1e-9  # [m]: pieces shorter than this are left out
 
 
-def sampled_pieces(solver: Solver, state: State) -> list[tuple[Array, Array]]:
+def sampled_pieces(solver: Evaluator, state: State) -> list[tuple[Array, Array]]:
     """Points (k, 2) [m] and unit tangents (k, 2) along each piece, in the direction of travel."""
     structure = state.structure
     part = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, LEG_SAMPLES))
@@ -51,13 +51,13 @@ def _tangents(part: Array, points: Array, heading: Array) -> Array:
     return tangent
 
 
-def polyline(solver: Solver, state: State) -> Array:
+def polyline(solver: Evaluator, state: State) -> Array:
     """Points (n, 2) [m] along the whole path."""
     pieces = [points for points, _ in sampled_pieces(solver, state)]
     return np.concatenate([pieces[0], *(p[1:] for p in pieces[1:])])
 
 
-def arc_path(solver: Solver, state: State) -> Path:
+def arc_path(solver: Evaluator, state: State) -> Path:
     """The path as circular arcs, without kinks up to rounding."""
     corner, heading, bend, length = [], [], [], []
     last = state.place[-1]

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav_drake.speed_graph.chart import Chart, along
-from vnav_drake.speed_graph.newton import FINE, Iteration, Solver, State
+from vnav_drake.speed_graph.newton import FINE, Iteration, Settled, Solver
+from vnav_drake.speed_graph.state import State
 from vnav_drake.speed_graph.structure import Structure
 from vnav_drake.speed_graph.surgery import Surgeon
 from vnav_drake.voronoi import VoronoiDiagram, travel_time
@@ -65,8 +66,9 @@ class ClassSolver:
             seen[structure.signature] += 1
             if seen[structure.signature] > RETURNS:
                 break
-            state = self.solver.solve(structure, history)
-            changed = self._changed(state)
+            now = self.solver.solve(structure, history)
+            state = now.state
+            changed = self._changed(now)
             if changed is None:
                 settled = True
                 break
@@ -75,12 +77,14 @@ class ClassSolver:
             raise ValueError("no structure to start from")
         return self._judged(state, settled, tuple(history), rounds)
 
-    def _changed(self, state: State) -> Structure | None:
+    def _changed(self, now: Settled) -> Structure | None:
         """The next structure, or None when this one is that of the optimum."""
-        surgeon, old = self.surgeon, state.structure
+        surgeon, state, old = self.surgeon, now.state, now.state.structure
+        for event in (surgeon.closed, surgeon.ended):
+            new = event(now)
+            if new.signature != old.signature:
+                return new
         rules = (
-            surgeon.closed,
-            surgeon.settled,
             surgeon.tidied_state,
             surgeon.kept_in_sectors,
             self._kept_in_cells,

@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav_drake.speed_graph.newton import EDGE, MOVING, OVERLAP, State
+from vnav_drake.speed_graph.newton import OVERLAP, Settled
+from vnav_drake.speed_graph.state import EDGE, MOVING, State
 from vnav_drake.speed_graph.nodes import TURN, Around, around
 from vnav_drake.speed_graph.structure import Join, Kind, Piece, Structure, places_of
 from vnav_drake.voronoi import PARABOLA, VoronoiDiagram
@@ -116,10 +117,10 @@ class Surgeon:
         gain = ride.sweep * (self._u(other, ride.border) - self._u(one, ride.border))
         return self.without_ride(s, i) if gain < -OVERLAP else None
 
-    def closed(self, state: State) -> Structure:
+    def closed(self, settled: Settled) -> Structure:
         """Rides that would run backwards taken out."""
-        s = state.structure
-        for i in sorted(state.closing, reverse=True):
+        s = settled.state.structure
+        for i in reversed(settled.closing):
             s = self.without_ride(s, i) or s
         return s
 
@@ -141,14 +142,15 @@ class Surgeon:
 
     # -- joins at the ends of their borders
 
-    def settled(self, state: State) -> Structure:
-        """Joins pushed against an end of their border become nodes."""
-        s = state.structure
-        for i, join in enumerate(s.joins):
-            if join.kind in MOVING and state.bound[i] != 0.0:
-                span = self.diagram.curves.span[join.border]
-                end = int(np.argmin(span) if state.bound[i] < 0.0 else np.argmax(span))
-                s = s.with_join(i, Join(Kind.NODE, node=int(self.diagram.ends[join.border, end])))
+    def ended(self, settled: Settled) -> Structure:
+        """Joins at the end of their border, and pushed beyond it, become nodes."""
+        s = settled.state.structure
+        for i, way in enumerate(settled.met):
+            if s.joins[i].kind in MOVING and way != 0.0:
+                border = s.joins[i].border
+                span = self.diagram.curves.span[border]
+                end = int(np.argmin(span) if way < 0.0 else np.argmax(span))
+                s = s.with_join(i, Join(Kind.NODE, node=int(self.diagram.ends[border, end])))
         return s
 
     # -- crossings that come from the wrong side
