@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -141,6 +142,23 @@ def test_the_analytic_gap_stands_first_among_the_times_with_its_sign(case):
 def test_without_a_collocation_there_is_no_analytic_row(case):
     plans = {name: plan for name, plan in case[0]["plans"].items() if name != "collocation"}
     assert analytic_row({**case[0], "plans": plans}) is None
+
+
+def test_gates_that_were_asked_for_are_said_at_once_and_at_the_classes(case, tmp_path):
+    scenario, folder = warehouse(), tmp_path / "warehouse"
+    result = with_speed_graph(folder, scenario)
+    scenario = replace(scenario, plan=replace(scenario.plan, through=("O4/O6", "O3/<b>O4")))
+    write_report(
+        folder / "r.html",
+        scenario=scenario,
+        result=result,
+        folder=folder,
+        extras=ReportExtras(history=HISTORY),
+    )
+    words = said((folder / "r.html").read_text())
+    assert "It was asked to pass O4/O6, O3/<b>O4; faster ways may exist." in words
+    assert "only classes that pass O4/O6, O3/<b>O4 , in this order" in words
+    assert "asked to pass" not in said(case[1])
 
 
 def test_times_compare_with_the_speed_graph_where_there_is_one(case):

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from verify.report.numbers import fine_percent, metres, number_in, percent, seconds, with_unit
 from verify.report.palette import method
 from verify.report.story import NOT_PROMISED, OPTIMA, Result, check_rows, executed_plan, travel_times, verdict
 from verify.report.story_classes import certificate
+from verify.report.text import plain
 from verify.report.wording import LIMITS
 
 
-def answer(result: Result, *, rest_ends: bool) -> list[str]:
-    """The answer in plain English, sentence by sentence."""
+def answer(result: Result, *, rest_ends: bool, through: Sequence[str] = ()) -> list[str]:
+    """The answer in plain English, sentence by sentence; `through`: gates that the way was asked to pass."""
     plan, times = executed_plan(result), travel_times(result)
     sentences = [_gets_there(result, plan, times)]
+    if through:
+        sentences.append(f"It was asked to pass {', '.join(map(plain, through))}; faster ways may exist.")
     optimal = next((name for name in OPTIMA if name in times), "")
     optimum = times.get(optimal)
     if optimum is not None and plan in times and plan != optimal:

@@ -90,7 +90,7 @@ def write_report(
         headline=story.headline(result),
         verdict_reasons=story.reasons(result),
         standing=story.standing(result),
-        answer=answer(result, rest_ends=rest),
+        answer=answer(result, rest_ends=rest, through=scenario.plan.through),
         gate_summary=story.gate_summary(result),
         gates=story.gate_rows(result),
         checks=story.check_rows(result),
@@ -106,6 +106,7 @@ def write_report(
         has_classes=bool(classes or extras.speed_graph.classes or extras.speed_graph.graphs),
         classes=classes,
         graph_words=graph_words(result),
+        through=scenario.plan.through,
         **_class_sections(problem, extras.speed_graph),
         map=_map(problem, evidence, extras, strayed=story.strayed(result)),
         map_lines=[method(name) for name, _ in _map_lines(evidence)]
