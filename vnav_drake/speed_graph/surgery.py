@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from vnav_drake.speed_graph.newton import OVERLAP, Settled
 from vnav_drake.speed_graph.state import EDGE, MOVING, State
 from vnav_drake.speed_graph.nodes import TURN, Around, around
-from vnav_drake.speed_graph.structure import Join, Kind, Piece, Structure, places_of
+from vnav_drake.speed_graph.structure import Join, Kind, Piece, Structure
 from vnav_drake.voronoi import PARABOLA, VoronoiDiagram
 
 Array = NDArray[np.float64]
@@ -55,6 +56,8 @@ class Surgeon:
         one, other, piece = s.joins[i], s.joins[i + 1], s.pieces[i]
         if piece.is_ride:
             return self._tidy_ride(s, i)
+        if self._goes_round(piece):
+            return None
         if one.node >= 0 and one.node == other.node:
             return _without_piece(s, i)
         if one.kind is Kind.CROSS and other.kind is Kind.CROSS and one.border == other.border:
@@ -62,6 +65,15 @@ class Surgeon:
         if one.border >= 0 and one.border == other.border or self._touches(one, other) or self._touches(other, one):
             return self._along_border(s, i)
         return None
+
+    def _goes_round(self, piece: Piece) -> bool:
+        """Whether a leg runs more than half round an isolated point: what is left out then has a hole in it."""
+        vertex = piece.cell - 2 * len(self.diagram.world.edges)
+        return vertex >= 0 and vertex in self._lone and abs(piece.sweep) > math.pi
+
+    @cached_property
+    def _lone(self) -> frozenset[int]:
+        return frozenset(self.diagram.world.isolated.tolist())
 
     def _touches(self, node: Join, other: Join) -> bool:
         """Whether a node is an end of the border of another join."""
@@ -322,29 +334,17 @@ class Surgeon:
             u, _ = self._near(after.border, _end_at(view, after.border), reach)
             joins.append(Join(Kind.ATTACH, after.border, u))
             pieces.append(after)
-        return self._swept(s.spliced(i - 1, i + 1, joins, pieces), i - 1, len(pieces))
+        # what remains of the legs before and after goes round an isolated point as they did
+        for k, old in ((0, before), (-1, after)):
+            if not old.is_ride:
+                pieces[k] = replace(pieces[k], sweep=pieces[k].sweep + old.sweep)
+        return s.spliced(i - 1, i + 1, joins, pieces)
 
     def _is_chain(self, view: Around, crossed: list[int]) -> bool:
         one, other = crossed
         rides = self.rideable[view.border[one]] and self.rideable[view.border[other]]
         turn = (view.angle[one] - view.angle[other]) % TURN
         return bool(rides) and abs(turn - math.pi) <= CHAIN
-
-    def _swept(self, s: Structure, first: int, count: int) -> Structure:
-        """Sweeps of new legs near a node: the shorter way round, which is the one on this side of it."""
-        place = places_of(self.diagram, s.joins)
-        edges = len(self.diagram.world.edges)
-        for i in range(first, first + count):
-            piece = s.pieces[i]
-            if piece.is_ride:
-                continue
-            sweep = 0.0
-            if piece.cell >= 2 * edges:
-                vertex = self.diagram.world.vertices[piece.cell - 2 * edges]
-                a, b = place[i] - vertex, place[i + 1] - vertex
-                sweep = math.atan2(a[0] * b[1] - a[1] * b[0], float(a @ b))
-            s = s.with_piece(i, replace(piece, sweep=sweep))
-        return s
 
 
 def _way_round(
