@@ -26,6 +26,7 @@ CIRCLING = 1e-4  # [rad]: with smaller residuals after so many rounds it does co
 CORNER = 0.1  # short: a part of the distance from the node to the nearest feature
 REACH = 0.7  # longest step, as a part of the distance to the nearest feature
 LEAST_REACH = 0.05
+LEGS = 2.0  # legs up to this many times longer look alike
 BACKTRACKS = 5
 SHRINK = 0.35
 WORSE = 1.2  # a step may let the residual grow by this factor
@@ -169,14 +170,21 @@ class Solver(Evaluator):
         return out
 
     def _scale(self, state: State) -> Array:
-        """Distance [m] to the nearest feature at each join, in its border's parameter."""
+        """How far a join can move and legs look alike, in its border's parameter.
+
+        The distance [m] to the nearest feature, or twice the length of its shorter leg if that is less.
+        """
         joins = state.structure.joins
         out = np.ones(len(joins))
+        length = np.hypot(*np.diff(state.place, axis=0).T)
+        length[[i for i, piece in enumerate(state.structure.pieces) if piece.is_ride]] = np.inf
+        leg = np.minimum(np.append(np.inf, length), np.append(length, np.inf))
         on = [i for i, j in enumerate(joins) if j.border >= 0]
         if on:
             curves = self.diagram.curves.take([joins[i].border for i in on])
             u = np.array([joins[i].u for i in on])
-            out[on] = np.maximum(curves.distance(u), 1e-6) / stretch_of(curves, u)
+            reach = np.minimum(curves.distance(u), LEGS * leg[on])
+            out[on] = np.maximum(reach, 1e-6) / stretch_of(curves, u)
         return out
 
     def _met(self, structure: Structure, circling: Mask) -> Array:
