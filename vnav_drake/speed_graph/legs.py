@@ -17,6 +17,7 @@ Mask = NDArray[np.bool_]
 TOUCH = 1e-10  # relative: a leg this far above the ridge still counts as below it, rounding left aside
 _COARSE = np.array([0.5, 0.25, 0.75])  # fractions of a leg that reject most of those that leave
 _FINE = 16  # pieces into which a leg is divided for the final check
+_FINE_CAPPED = 64  # with a greatest speed: such legs have stretches of different nature
 _ROUNDS = 3  # of moving to the least gap between leg and ridge
 
 
@@ -42,8 +43,8 @@ def valid_legs(
     legs = solve_legs(law, radius, strips.at_point[strip], d1, d2, pairs.span)
     capped = law.speed(clearance) >= law.max_speed
     start_free, end_free = capped[pairs.first], capped[pairs.second]
-    below = (legs.outward[:, 0] <= members.outward_after[pairs.first] + TOUCH) | start_free
-    below &= (-legs.outward[:, 1] <= members.outward_before[pairs.second] + TOUCH) | end_free
+    below = legs.outward[:, 0] <= members.outward_after[pairs.first] + TOUCH
+    below &= -legs.outward[:, 1] <= members.outward_before[pairs.second] + TOUCH
     below &= np.isfinite(legs.time)
     doubtful = np.flatnonzero(below & ((pairs.between > 0) | start_free | end_free) & (pairs.span > 0.0))
     below[doubtful] = _under_ridge(law, radius, strips, members, pairs.take(doubtful), clearance)
@@ -67,7 +68,8 @@ def _under_ridge(
 
     keep = np.arange(len(pairs))
     keep = keep[(gap(keep, np.broadcast_to(_COARSE, (len(keep), len(_COARSE)))) >= -TOUCH).all(axis=1)]
-    share = np.linspace(0.0, 1.0, _FINE + 1)
+    fine = _FINE if np.isinf(law.max_speed) else _FINE_CAPPED
+    share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, fine + 1))
     values = gap(keep, np.broadcast_to(share, (len(keep), len(share))))
     fits = (values[:, 1:-1] >= -TOUCH).all(axis=1)
     keep, values = keep[fits], values[fits]

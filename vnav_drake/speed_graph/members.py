@@ -161,7 +161,8 @@ def candidate_pairs(strips: Strips, members: Members, fast: Mask) -> Pairs:
     between = members.before[second] - members.after[first] - 1
     cyclic = np.mod(members.before[second] - members.after[first], np.maximum(rows, 1))
     between = np.where(strips.periodic[strip], np.where(cyclic == 0, rows, cyclic) - 1, between)
-    between = np.where(chord, 1, between)
+    # around a point an end in a cell may see the arc above it both ways
+    between = np.where(chord | (free & strips.periodic[strip]), np.maximum(between, 1), between)
     # a full turn around a point leads through the point
     keep = (~same | chord) & (span >= 0.0) & (~strips.periodic[strip] | (span < TURN - 1e-9))
     return Pairs(first[keep], second[keep], span[keep], wraps[keep], np.maximum(between[keep], 0))

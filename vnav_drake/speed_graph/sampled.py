@@ -7,6 +7,7 @@ Paths that follow a Voronoi arc for a while (saturation, Manor 2015, Sec. 3.5) c
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,7 +29,8 @@ from vnav_drake.voronoi import VoronoiDiagram, travel_time
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-SPACING = 0.4  # [s] between samples: ranks classes as well as finer ones do
+SPACING = 0.4  # [s] between samples: ranks classes as well as finer ones do in rooms of 10 m and more
+SMALL = 0.075  # in smaller ones: of the time that braking over the whole diagonal takes
 
 
 @dataclass(frozen=True)
@@ -99,8 +101,13 @@ class SampledGraph:
         return out
 
 
+def default_spacing(problem: Problem) -> float:
+    """Time [s] between samples that ranks classes well."""
+    return min(SPACING, SMALL * math.sqrt(2.0 * problem.world.diameter / problem.braking.max_braking))
+
+
 def build_sampled(
-    problem: Problem, diagram: VoronoiDiagram, gates: Gates | None = None, spacing: float = SPACING
+    problem: Problem, diagram: VoronoiDiagram, gates: Gates | None = None, spacing: float | None = None
 ) -> SampledGraph:
     """The sampled speed graph of a problem.
 
@@ -108,13 +115,14 @@ def build_sampled(
     ----------
     diagram : of the problem's world, for any radius.
     gates : of the diagram restricted to `radius + margin`; built when None.
-    spacing : greatest time [s] between neighbouring samples of a border.
+    spacing : greatest time [s] between neighbouring samples of a border; `default_spacing` when None.
 
     Raises
     ------
     ValueError : the spacing is not positive.
     NoPathError : start or goal has no room for the robot.
     """
+    spacing = default_spacing(problem) if spacing is None else spacing
     if not 0.0 < spacing < np.inf:
         raise ValueError(f"spacing = {spacing!r}: must be positive and finite [s]")
     law, radius = problem.braking, problem.robot.radius
@@ -217,5 +225,5 @@ def demand_paths(problem: Problem, result: SearchResult, through: Sequence[str])
         raise PlanningError(f"no homotopy class crosses {', '.join(through)} in this order")
     raise NoPathError(
         f"no path: start ({x0:.6g}, {y0:.6g}) and goal ({x1:.6g}, {y1:.6g}) lie in separate parts"
-        " of where the robot fits"
+        " of where the robot can move"
     )

@@ -18,6 +18,7 @@ Indices = NDArray[np.int64]
 NODE, ARC, BORDER, END = 0, 1, 2, 3  # kinds: Voronoi node, on a Voronoi arc, on another border, start or goal
 NEAR = 1e-9  # of the world's diameter: points this near are one; far above rounding, far below any gap
 _GRID = 24  # cells of the table from which places at given times are read
+_AROUND = 0.5 ** np.arange(1, 6)  # of the spacing: samples on the arc right above an end
 _MOST = 400  # samples of one border at most: with a reaction time the way to V = 0 takes for ever
 
 
@@ -69,8 +70,11 @@ def place_samples(problem: Problem, strips: Strips, spacing: float) -> Samples:
     places = [_locate(problem, strips, name, getattr(problem, name)) for name in ("start", "goal")]
     saddle = np.flatnonzero(diagram.primary & diagram.curves.has_interior_minimum)
     on_border = [p for p in places if p.node < 0 and p.curve >= 0]
-    cut_curve = np.concatenate([saddle, np.array([p.curve for p in on_border], dtype=np.int64)])
-    cut_at = np.concatenate([np.zeros(len(saddle)), np.array([p.parameter for p in on_border])])
+    above = [_above(problem, strips, p, spacing) for p in places if p.node < 0 and p.curve < 0]
+    cut_curve = np.concatenate([saddle, np.array([p.curve for p in on_border], int), *(c for c, _ in above)])
+    cut_at = np.concatenate(
+        [np.zeros(len(saddle)), np.array([p.parameter for p in on_border]), *(u for _, u in above)]
+    )
     curve, low, high = _pieces(diagram.curves, cut_curve, cut_at)
     inner_curve, inner_at = _evenly(
         diagram.curves.take(curve), np.column_stack([low, high]), problem, curve, spacing
@@ -187,6 +191,21 @@ def _locate(problem: Problem, strips: Strips, name: str, end: End) -> _Place:
             f"{name} ({x:.6g}, {y:.6g}): no Voronoi arc where the robot fits bounds its proximity cell"
         )
     return _Place(-1, -1, 0.0, strip, np.clip(theta[strip], strips.low[strip], strips.high[strip]))
+
+
+def _above(problem: Problem, strips: Strips, place: _Place, spacing: float) -> tuple[Indices, Array]:
+    """Borders and parameters right above an end inside a cell, and closer and closer around there.
+
+    From a place just below the ridge only very short legs stay below it; straight up always one does.
+    """
+    side = strips.ridge[strips.row_at(place.strip, place.theta)]
+    curve = np.repeat(side // 2, 2 * len(_AROUND) + 1)
+    curves = strips.diagram.curves.take(curve)
+    middle = np.repeat(strips.parameter(side, place.theta), 2 * len(_AROUND) + 1)
+    time = spacing * np.tile(np.concatenate([-_AROUND, [0.0], _AROUND]), len(side))
+    speed = problem.braking.speed(curves.distance(middle) - problem.robot.radius)
+    step = curves.arc_length(middle) + speed * time
+    return curve, np.where(time == 0.0, middle, curves.at_arc_length(step))
 
 
 def _pieces(curves: Curves, cut_curve: Indices, cut_at: Array) -> tuple[Indices, Array, Array]:
