@@ -73,9 +73,9 @@ class _Case:
         return attach_span(self.free, self.radius, self.at_point, d, self.cap)
 
     def touch_span(self, d: Array) -> Array:
-        """Span of the straight line from d >= c that touches c, infinite near a wall."""
+        """Span of the straight line from d >= c that touches c, infinite near a wall beyond c."""
         if not self.at_point:
-            return np.full_like(d, np.inf)
+            return np.where(d > self.cap, np.inf, 0.0)
         r = self.distance(d)
         return np.arctan2(np.sqrt(np.maximum((r - self.edge) * (r + self.edge), 0.0)), self.edge)
 
@@ -88,6 +88,7 @@ class Pieces:
     span: Array  # (n, 3)
     line: Mask  # (n, 3) straight at the greatest speed
     ride: Mask  # (n,) the second piece runs along c
+    single: Mask  # (n,) the second piece is all
 
 
 def capped_legs(
@@ -108,7 +109,7 @@ def capped_legs(
     count = len(span)
     parts = [_piece(case, pieces, i, hessian) for i in range(3)]
     time = parts[0][0] + parts[1][0] + parts[2][0]
-    single = pieces.span[:, 1] == span
+    single = pieces.single
     two = ~single & ~pieces.ride & (pieces.span[:, 1] == 0.0)
     outward, k = parts[1][1].copy(), parts[1][2].copy()
     outward[two] = np.stack([parts[0][1][two, 0], parts[2][1][two, 1]], axis=-1)
@@ -203,7 +204,9 @@ def _split(case: _Case, low: Array, high: Array, span: Array) -> Pieces:
         line[cross] = [False, False, True]
         first = _cross(case, low[cross], high[cross], span[cross], reach[cross], pushed)
         spans[cross] = np.stack([first, np.zeros(cross.size), span[cross] - first], axis=-1)
-    return Pieces(level, spans, line, ride)
+    single = ~ride
+    single[dip] = single[cross] = False
+    return Pieces(level, spans, line, ride, single)
 
 
 def _cross(case: _Case, low: Array, high: Array, span: Array, reach: Array, pushed: bool) -> Array:
