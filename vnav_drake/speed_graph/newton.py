@@ -26,6 +26,7 @@ CIRCLING = 1e-4  # [rad]: with smaller residuals after so many rounds it does co
 CORNER = 0.1  # short: a part of the distance from the node to the nearest feature
 REACH = 0.7  # longest step, as a part of the distance to the nearest feature
 LEAST_REACH = 0.05
+BENT = 0.1  # [rad]: with smaller residuals steps may be longer than the legs
 LEGS = 2.0  # legs up to this many times longer look alike
 BACKTRACKS = 5
 SHRINK = 0.35
@@ -79,18 +80,20 @@ class Solver(Evaluator):
                 resting[[k for k in block[[i, i + 1]] if k >= 0]] = True
             if turning:
                 continue
-            scale = self._scale(state)
+            scale = self._scale(state, _of_blocks(error > BENT, block))
             cut = _cut(step / scale, block, trust)
             trial, after = state, error
             for _try in range(BACKTRACKS):
                 new = self._moved(state, self._meeting(state, _spread(cut, block) * step))
                 together = self._met(new, _of_blocks(moving & (error > CIRCLING), block) & (rounds > PATIENCE))
-                if together.any():
-                    break
-                trial = self.state(new)
-                after = _errors(trial, block, count)
                 ended = np.zeros(count, dtype=bool)
-                ended[block[(trial.bound != 0.0) & (state.bound == 0.0)]] = True
+                ended[block[together != 0.0]] = True
+                if not (ended & doubtful).any():
+                    if ended.any():
+                        break
+                    trial = self.state(new)
+                    after = _errors(trial, block, count)
+                    ended[block[(trial.bound != 0.0) & (state.bound == 0.0)]] = True
                 astray = moving & doubtful & ((after > IMPROVED * error) | ended)
                 if astray.any():
                     doubtful &= ~astray
@@ -169,16 +172,17 @@ class Solver(Evaluator):
                 out[[i, i + 1]] *= max(gap, 0.0) / -gain
         return out
 
-    def _scale(self, state: State) -> Array:
+    def _scale(self, state: State, bent: Mask) -> Array:
         """How far a join can move and legs look alike, in its border's parameter.
 
-        The distance [m] to the nearest feature, or twice the length of its shorter leg if that is less.
+        The distance [m] to the nearest feature; for joins that are `bent` (m + 1,) twice the length of the
+        shorter leg if that is less.
         """
         joins = state.structure.joins
         out = np.ones(len(joins))
         length = np.hypot(*np.diff(state.place, axis=0).T)
         length[[i for i, piece in enumerate(state.structure.pieces) if piece.is_ride]] = np.inf
-        leg = np.minimum(np.append(np.inf, length), np.append(length, np.inf))
+        leg = np.where(bent, np.minimum(np.append(np.inf, length), np.append(length, np.inf)), np.inf)
         on = [i for i, j in enumerate(joins) if j.border >= 0]
         if on:
             curves = self.diagram.curves.take([joins[i].border for i in on])
