@@ -127,9 +127,9 @@ def capped_legs(
     if riding.size:
         k[riding] = case.edge / case.speed
         for column, d in ((0, low[riding]), (1, high[riding])):
-            slope, change = _ride(case, d)
+            cosine, change = _ride(case, d)
             sign = np.where(d < case.cap, -1.0, 1.0)  # of dT/dd
-            outward[riding, column] = sign * slope * law.speed(d) * (2 * column - 1)
+            outward[riding, column] = sign * cosine * (2 * column - 1)
             if second is not None:
                 second[riding, column, column] = sign * change
     outward[back] = -outward[back, ::-1]
@@ -232,12 +232,14 @@ def _dip(case: _Case, low: Array, high: Array, span: Array) -> Array:
         part = case.arcs(cap, cap, arc, hessian)
         cosine = -part[1][:, 0]  # at c, of the line that goes out
         sine = np.minimum(part[2] * case.speed / case.edge, 1.0)
-        far = sine[:, None] * case.edge / ends[i]
-        spans = np.arctan2(sine, cosine)[:, None] - np.arcsin(far)
+        ratio = case.edge / ends[i]
+        far, height = sine[:, None] * ratio, (1.0 - ratio) * (1.0 + ratio)
+        far_cosine = np.sqrt(height + (ratio * cosine[:, None]) ** 2)
+        spans = np.arctan2(sine, cosine)[:, None] - np.arctan2(far, far_cosine)
         if not hessian:
             return spans, np.zeros_like(arc)
         with np.errstate(divide="ignore", invalid="ignore"):
-            by_sine = 1.0 / cosine[:, None] - case.edge / ends[i] / np.sqrt((1.0 - far) * (1.0 + far))
+            by_sine = 1.0 / cosine[:, None] - ratio / far_cosine
             return spans, by_sine.sum(axis=1) * _second(part)[:, 2, 2] * case.speed / case.edge
 
     def mismatch(i: Indices, x: Array) -> tuple[Array, Array]:
@@ -246,7 +248,8 @@ def _dip(case: _Case, low: Array, high: Array, span: Array) -> Array:
 
     arc = _root(mismatch, np.zeros_like(span), span, span)
     outer, _ = lines(np.arange(len(span)), arc, False)
-    return np.stack([outer[:, 0], span - outer.sum(axis=1), outer[:, 1]], axis=-1)
+    middle = np.maximum(span - outer.sum(axis=1), 0.0)
+    return np.stack([outer[:, 0], middle, outer[:, 1]], axis=-1)
 
 
 def _root(

@@ -95,8 +95,8 @@ def _hessian(e: Ends, m: Array, left: Array, level: float) -> Array:
         by_angle = gradient[:, 2] / theta_[2]
         rate = 0.5 / level / np.stack([e.y + lag, e.x + lag])
         h = np.stack([*((gradient[:, i] - by_angle * theta_[i]) * rate[i] for i in (0, 1)), by_angle], axis=1)
-    h = np.moveaxis(h, -1, 0)
-    return np.asarray(0.5 * (h + np.swapaxes(h, 1, 2)))
+        h = np.moveaxis(h, -1, 0)
+        return np.asarray(0.5 * (h + np.swapaxes(h, 1, 2)))
 
 
 def _n(lag: float, z: Array) -> Array:

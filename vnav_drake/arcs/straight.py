@@ -52,12 +52,13 @@ def straight_points(
 
 
 def ride_slope(speed: Array, slope: Array, r: Array, invariant: float, at_point: bool) -> tuple[Array, Array]:
-    """|cos beta| / V and its derivative by d, (n,), of arcs with a given invariant k.
+    """|cos beta|, and the derivative of |cos beta| / V by d, (n,), of arcs with a given invariant k.
 
-    From sin(beta) = k V / r (near a wall k V): the root of f = 1 / V^2 - (k / r)^2. `slope` = V' [1/s].
+    From sin(beta) = k V / r (near a wall k V): the derivative of the root of 1 / V^2 - (k / r)^2.
+    `slope` = V' [1/s].
     """
     turn = invariant / r if at_point else np.full_like(r, invariant)
+    cosine = np.sqrt(np.maximum((1.0 - turn * speed) * (1.0 + turn * speed), 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
-        value = np.sqrt(np.maximum((1.0 / speed - turn) * (1.0 / speed + turn), 0.0))
         change = -slope / speed**3 + (turn * turn / r if at_point else 0.0)
-        return value, change / value
+        return cosine, change * speed / cosine

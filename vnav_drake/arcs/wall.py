@@ -158,7 +158,7 @@ def _hessian(accel: float, lag: float, v1: Array, v2: Array, u: Array, side: Arr
         h[:, :, :2] -= by_w[:, :, None] * x[:, None, :2]
         h[:, :, 0] *= (accel / (v1 + lag))[:, None]
         h[:, :, 1] *= (accel / (v2 + lag))[:, None]
-    return 0.5 * (h + np.swapaxes(h, 1, 2))
+        return 0.5 * (h + np.swapaxes(h, 1, 2))
 
 
 def wall_points(
