@@ -90,9 +90,9 @@ def test_no_class_and_no_path_are_told_apart_from_a_wrong_question():
 
 
 @settings(max_examples=20)
-@given(rooms, obstacle_lists, st.integers(0, 2**32 - 1))
-def test_words_are_those_that_the_gates_give_the_path_drawn(boundary, obstacles, seed):
-    problem = random_problem(boundary, obstacles, 0.2, np.random.default_rng(seed))
+@given(rooms, obstacle_lists, st.sampled_from([0.0, 0.2]), st.integers(0, 2**32 - 1))
+def test_words_are_those_that_the_gates_give_the_path_drawn(boundary, obstacles, radius, seed):
+    problem = random_problem(boundary, obstacles, radius, np.random.default_rng(seed))
     try:
         graph = graph_of(problem)
         paths = search_sampled(graph, 5).paths
