@@ -56,7 +56,8 @@ def solve_legs(
     Notes
     -----
     At ends at the margin (V = 0) without a reaction time, the tangents are +-1; the Hessian is infinite or
-    NaN there, and for legs of no length, whose invariant is that of a tangential leg. Near a point and within
+    NaN there, for legs of no length, whose invariant is that of a tangential leg, and at ends exactly on the
+    clearance of the greatest speed, where second derivatives jump. Near a point and within
     z = sqrt(room / level) < 0.01 of contact at both ends, times lose relative digits as 1e-16 / z^2.
 
     Raises
