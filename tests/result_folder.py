@@ -22,7 +22,7 @@ CHANGES = {
     "robot": {"radius": 0.4},
     "start": {"position": [2.0, 3.0], "speed": "rest"},
     "goal": {"position": [10.0, 3.0], "speed": "rest"},
-    "plan": {"effort": "quick"},
+    "plan": {"effort": "quick", "methods": ["speed_graph", "voronoi_route"]},
     "gates": {"refinement_gap": 0.5},  # the way is short: full speed is never reached, E is far from tight
 }
 

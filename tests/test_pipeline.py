@@ -33,7 +33,8 @@ def test_a_run_leaves_the_evidence_the_result_and_the_report():
     assert outcome().exit_code == 0
     assert set(contents(folder)) == {
         "scenario.yaml", "trajectory.csv", "simulation.csv", "result.json", "report.html",
-        "trajectories/voronoi_route.csv", "trajectories/collocation.csv", "trajectories/refined.csv",
+        "trajectories/speed_graph.csv", "trajectories/voronoi_route.csv", "trajectories/collocation.csv",
+        "trajectories/refined.csv",
     }  # fmt: skip
     assert (folder / "scenario.yaml").read_bytes() == scenario_bytes(**CHANGES)
     assert (folder / "trajectory.csv").read_bytes() == (folder / "trajectories/refined.csv").read_bytes()
@@ -45,9 +46,9 @@ def test_the_result_has_the_fields_that_users_rely_on():
     assert result["schema"] == 1
     assert result["scenario"] == "around_a_point"
     assert result["verdict"] == "refined"
-    assert set(result["plans"]) == {"voronoi_route", "collocation", "refined"}
+    assert set(result["plans"]) == {"speed_graph", "voronoi_route", "collocation", "refined"}
     for plan in result["plans"].values():
-        assert {"travel_time", "length", "compute_time", "feasible", "violations"} <= set(plan)
+        assert {"travel_time", "length", "class", "compute_time", "feasible", "violations"} <= set(plan)
     for name in ("collocation", "refined"):
         assert {"model", "solver", "intervals", "iterations"} <= set(result["plans"][name])
     assert [gate["name"] for gate in result["gates"]] == [
@@ -61,7 +62,7 @@ def test_the_result_has_the_fields_that_users_rely_on():
     assert {"model", "travel_time", "max_tracking_error", "min_clearance"} <= set(result["simulation"])
     assert {"vnav_drake", "drake", "numpy", "scipy", "shapely", "python"} <= set(result["versions"])
     assert "lower_bound" not in result
-    assert set(result["gaps"]) == {"refinement"}
+    assert set(result["gaps"]) == {"analytic", "refinement"}
 
 
 def test_rest_ends_are_no_faster_than_the_variational_optimum_plus_their_cost():
@@ -100,7 +101,7 @@ def test_without_collocation_the_rest_is_judged_and_reported(tmp_path, monkeypat
         ("simulation", "not run: it needs a refined trajectory"),
     ]
     assert result.judgement.verdict == "failed"
-    assert set(result.result["plans"]) == {"voronoi_route"}
+    assert set(result.result["plans"]) == {"speed_graph", "voronoi_route"}
     assert "simulation" not in result.result
     assert not (result.report.parent / "trajectory.csv").exists()
     assert "no geometry was found" in result.report.read_text()
@@ -117,12 +118,13 @@ def test_without_simulation_nothing_passes_unseen(tmp_path, monkeypatch):
     assert tracking.status == "not_evaluated"
 
 
-def test_without_a_variational_plan_the_full_one_starts_from_the_route(tmp_path, monkeypatch):
+def test_without_a_variational_plan_the_full_one_starts_from_the_analytic_ones(tmp_path, monkeypatch):
     result = run_with(monkeypatch, tmp_path, plan_variational=PlanningError("none"))
     assert result.exit_code == 3
-    assert {"voronoi_route", "refined"} <= set(result.result["plans"])
-    gate = next(gate for gate in result.judgement.gates if gate.name == "refinement_gap")
-    assert gate.passed is None
+    assert {"speed_graph", "voronoi_route", "refined"} <= set(result.result["plans"])
+    gates = {gate.name: gate.passed for gate in result.judgement.gates}
+    assert gates["analytic_gap"] is None
+    assert gates["refinement_gap"] is True  # against the speed graph
 
 
 def test_a_plan_without_a_path_is_a_stage_that_cannot_finish():

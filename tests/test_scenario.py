@@ -195,6 +195,7 @@ def test_left_out_keys_take_the_documented_defaults():
     assert problem.friction_reserve is False
     assert scenario.plan.homotopy_classes == 6
     assert scenario.plan.effort == "full"
+    assert scenario.plan.methods == ("speed_graph",)
     assert (scenario.plan.graph, scenario.plan.through) == ("sampled", ())
     assert scenario.named_gates == frozenset()
     assert scenario.gates == {

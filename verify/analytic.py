@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +17,9 @@ from vnav_drake.homotopy import Gates, class_of
 from vnav_drake.plan import Path, Plan, Trajectory
 from vnav_drake.problem import End, PlanningError, Problem
 from vnav_drake.scenario import PlanSettings
+from vnav_drake.speed_graph import ClassOptimum, SpeedGraphResult, as_plan, speed_graph
 from vnav_drake.speed_profile import fastest_profile
 from vnav_drake.voronoi import VoronoiDiagram
-
-if TYPE_CHECKING:
-    from vnav_drake.speed_graph import ClassOptimum, SpeedGraphResult
 
 SAME_HEADING = 1e-6  # [rad]: a path that begins or ends this near to the heading asked for has it
 
@@ -118,8 +116,6 @@ def _seeds(method: str, classes: Sequence[ClassOptimum], gates: Gates) -> list[S
 def _solve(
     problem: Problem, diagram: VoronoiDiagram, settings: PlanSettings, progress: Callable[[str], None]
 ) -> tuple[Plan, SpeedGraphResult]:
-    from vnav_drake.speed_graph import as_plan, speed_graph
-
     result = speed_graph(
         problem,
         diagram,

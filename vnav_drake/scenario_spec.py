@@ -233,7 +233,7 @@ class PlanSpec(_Section):
     """What plans are made."""
 
     methods: Annotated[tuple[Method, ...], Strict(False), AfterValidator(_distinct)] = Field(
-        default=("voronoi_route",), min_length=1, description="What seeds and what is compared."
+        default=("speed_graph",), min_length=1, description="What seeds and what is compared."
     )
     homotopy_classes: int = Field(default=6, ge=1, le=50, description="How many of the best classes to plan.")
     graph: Literal["sampled", "published"] = Field(
