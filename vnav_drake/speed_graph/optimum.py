@@ -9,7 +9,7 @@ led there does not matter: what is found is checked at the end.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +29,13 @@ RETURNS = 4  # times that one structure may come back
 SAMPLES = 20  # of a leg, where it is asked whether it stays in its cell
 FINE_SAMPLES = 60
 BEYOND = 1e-7  # [m]: a leg that leaves its cell by less stays in it
+FULL_TURN = 2.0 * np.pi * (1.0 - 1e-9)  # [rad]
 KINK = 1e-7  # [rad]: largest kink of a certified path
 
 # The four conditions of a certified optimum.
 RESIDUAL, RIDGE, CLASS, NODE = "residual", "ridge", "class", "node"
+# A class that winds round a point obstacle of a point robot has no fastest path: the infimum touches the point.
+POINT = "point"
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,11 @@ class Optimum:
     history: tuple[Iteration, ...]
     rounds: int
 
+    @property
+    def unsafe(self) -> bool:
+        """Whether a leg leaves its cell, so that `time` is that of no path."""
+        return RIDGE in self.failed
+
 
 class ClassSolver:
     """Finds the fastest path of a class from any path of that class."""
@@ -58,11 +66,13 @@ class ClassSolver:
 
     def optimum(self, structure: Structure) -> Optimum:
         """The fastest path that can be reached from a structure by shortening it."""
-        history: list[Iteration] = []
+        begun, history = structure, list[Iteration]()
         seen: Counter[object] = Counter()
         state, settled = None, False
         for rounds in range(ROUNDS):
             structure = self.surgeon.tidied(structure)
+            if self._winds(structure):
+                return replace(self.as_it_is(begun), failed=(POINT,), history=tuple(history))
             seen[structure.signature] += 1
             if seen[structure.signature] > RETURNS:
                 break
@@ -76,6 +86,20 @@ class ClassSolver:
         if state is None:
             raise ValueError("no structure to start from")
         return self._judged(state, settled, tuple(history), rounds)
+
+    def _winds(self, structure: Structure) -> bool:
+        """Whether a leg goes right round a point without extent."""
+        if self.chart.radius + self.chart.law.margin > 0.0:
+            return False
+        first = 2 * len(self.chart.world.edges)
+        return any(
+            p.cell >= first and self.chart.lone[p.cell - first] and abs(p.sweep) >= FULL_TURN
+            for p in structure.pieces
+        )
+
+    def as_it_is(self, structure: Structure) -> Optimum:
+        """A structure judged as a path, without moving anything."""
+        return self._judged(self.solver.state(structure), False, (), 0)
 
     def _changed(self, now: Settled) -> Structure | None:
         """The next structure, or None when this one is that of the optimum."""

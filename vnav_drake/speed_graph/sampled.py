@@ -76,12 +76,10 @@ class SampledGraph:
         curve, strip, onward = curve[begins], strip[begins], forward[begins]
         border, parameter = self.samples.curve[node], self.samples.parameter[node]
         lone = (strip >= 0) & self.strips.isolated[strip]
-        terminal = (node == self.start) | (node == self.goal)
-        terminal[1:-1] = False
         return Route(
             time,
             word,
-            np.where(terminal, -1, border),
+            border,
             parameter,
             np.where(strip >= 0, self.strips.cell[strip], -1),
             curve,
