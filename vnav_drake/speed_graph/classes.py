@@ -77,8 +77,9 @@ def rank_classes(
         best = sorted(attained, key=lambda c: c.travel_time)[:count]
         excess = max((1.0 - c.travel_time / c.graph_time for c in best if c.certified and c.graph_time > 0.0), default=0.0)
         known = routes[-1].time * (1.0 - DOUBT * max(excess, 0.0))  # no class beyond the routes is faster
-        certain = len(routes) < wanted or (len(best) == count and best[-1].travel_time <= known)
-        if certain or len(routes) >= MOST * count:
+        exhausted = len(routes) < wanted or len(routes) >= MOST * count
+        certain = len(routes) < wanted or (bool(best) and best[-1].travel_time <= known)
+        if exhausted or (certain and len(best) == count):
             break
         wanted = min(2 * wanted, MOST * count)
         routes = list(search(wanted))

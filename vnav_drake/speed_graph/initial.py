@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vnav_drake.problem import Problem
 from vnav_drake.speed_graph.chart import Chart
 from vnav_drake.speed_graph.route import Route
-from vnav_drake.speed_graph.structure import NODE_TOLERANCE, Join, Kind, Structure, from_stops, place_of
+from vnav_drake.speed_graph.structure import NODE_TOLERANCE, Join, Kind, Structure, from_stops
 from vnav_drake.voronoi import VoronoiDiagram
 
 Array = NDArray[np.float64]
@@ -20,20 +20,16 @@ def structure_of(problem: Problem, diagram: VoronoiDiagram, chart: Chart, route:
     """The structure of a route in the diagram restricted to the robot's level."""
     start = _end(diagram, problem.start.point, int(route.border[0]), float(route.parameter[0]))
     goal = _end(diagram, problem.goal.point, int(route.border[-1]), float(route.parameter[-1]))
-    inner = slice(1, -1)
-    stops = [Join(Kind.CROSS, int(b), float(u)) for b, u in zip(route.border[inner], route.parameter[inner], strict=True)]
-    place = np.array([problem.start.point, *(place_of(diagram, stop) for stop in stops), problem.goal.point])
-    sweep = [_sweep(chart, int(c), int(t), place[i], place[i + 1]) for i, (c, t) in enumerate(zip(route.cell, route.turn, strict=True))]
-    return from_stops(
-        diagram,
-        start,
-        goal,
-        route.border[inner].tolist(),
-        route.parameter[inner].tolist(),
-        route.cell.tolist(),
-        route.along.tolist(),
-        sweep,
-    )
+    cell, along = [int(c) for c in route.cell], [int(a) for a in route.along]
+    sweep = [_sweep(chart, c, int(t), *route.point[i : i + 2]) for i, (c, t) in enumerate(zip(cell, route.turn, strict=True))]
+    border, u = route.border[1:-1].tolist(), route.parameter[1:-1].tolist()
+    for i in range(len(border) - 1, -1, -1):
+        if border[i] < 0:  # a way round a point through start or goal: the legs around it are one
+            sweep[i] += sweep[i + 1]
+            for row in (cell, along, sweep):
+                del row[i + 1]
+            del border[i], u[i]
+    return from_stops(diagram, start, goal, border, u, cell, along, sweep)
 
 
 def _end(diagram: VoronoiDiagram, point: Array, border: int, u: float) -> Join:

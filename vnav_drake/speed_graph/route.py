@@ -20,7 +20,8 @@ class Route:
 
     time: float  # [s]
     word: tuple[int, ...]  # reduced word of gates, see `vnav_drake.homotopy`
-    border: Indices  # (m,) row of the restricted diagram's curves; -1 at an end inside a cell
+    point: Array  # (m, 2) [m] of the stops
+    border: Indices  # (m,) row of the restricted diagram's curves; -1 at start and goal inside a cell
     parameter: Array  # (m,) [m] u on that curve; at an end that lies on a border too
     cell: Indices  # (m - 1,) cell in which each leg runs; -1: along a border
     along: Indices  # (m - 1,) border followed where `cell` is -1, else -1

@@ -79,6 +79,7 @@ class SampledGraph:
         return Route(
             time,
             word,
+            self.samples.point[node],
             border,
             parameter,
             np.where(strip >= 0, self.strips.cell[strip], -1),
