@@ -69,7 +69,9 @@ def frame(chart: Chart, cell: Indices, position: Array) -> Frame:
     world, radius = chart.world, chart.radius
     edges = len(world.edges)
     at_point = cell >= 2 * edges
-    edge = world.edges[np.where(at_point, 0, cell // 2)] if edges else np.zeros((len(cell), 2), dtype=np.int64)
+    edge = (
+        world.edges[np.where(at_point, 0, cell // 2)] if edges else np.zeros((len(cell), 2), dtype=np.int64)
+    )
     a = world.vertices[edge[:, 0]]
     along = world.vertices[edge[:, 1]] - a
     size = np.hypot(along[:, 0], along[:, 1])
@@ -145,6 +147,8 @@ def turns(chart: Chart, flight: Flight, motion: Array) -> Array:
     hessian, law = flight.legs.hessian, chart.law
     if hessian is None:
         raise ValueError("the legs were solved without second derivatives")
+    # infinite at an end without speed, which is fixed
+    hessian = np.where(np.isfinite(hessian), hessian, 0.0)
     sign = np.where(flight.sweep < 0.0, -1.0, 1.0)
     ends = (flight.start, flight.end)
     rise = [np.einsum("ij,ij->i", f.outward, motion[:, k]) for k, f in enumerate(ends)]
@@ -163,7 +167,10 @@ def turns(chart: Chart, flight: Flight, motion: Array) -> Array:
             direction = 1.0 if at == 1 else -1.0
             moved = rise[mover] if mover == at else 0.0
             # outward = direction V T_d
-            d_cos = slope * moved * outward / np.where(speed > 0.0, speed, 1.0) + direction * speed * change[:, at]
+            d_cos = (
+                slope * moved * outward / np.where(speed > 0.0, speed, 1.0)
+                + direction * speed * change[:, at]
+            )
             shrink = np.where(f.at_point, speed / f.reach**2, 0.0)
             d_sin = change[:, 2] * speed / f.reach + k_ * (slope / f.reach - shrink) * moved
             sine = k_ * speed / f.reach

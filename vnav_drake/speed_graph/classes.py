@@ -55,7 +55,9 @@ class Ranking:
 
     classes: tuple[ClassOptimum, ...]
     refined: int  # routes
-    certain: bool  # no class left out can be among these, if the graph overestimates it no more than `DOUBT` says
+    certain: (
+        bool  # no class left out can be among these, if the graph overestimates it no more than `DOUBT` says
+    )
     notes: tuple[str, ...]
 
 
@@ -75,7 +77,10 @@ def rank_classes(
             done.append(refine(problem, solver, gates, route))
         attained = [c for c in done if POINT not in c.failed]
         best = sorted(attained, key=lambda c: c.travel_time)[:count]
-        excess = max((1.0 - c.travel_time / c.graph_time for c in best if c.certified and c.graph_time > 0.0), default=0.0)
+        excess = max(
+            (1.0 - c.travel_time / c.graph_time for c in best if c.certified and c.graph_time > 0.0),
+            default=0.0,
+        )
         known = routes[-1].time * (1.0 - DOUBT * max(excess, 0.0))  # no class beyond the routes is faster
         exhausted = len(routes) < wanted or len(routes) >= MOST * count
         certain = len(routes) < wanted or (bool(best) and best[-1].travel_time <= known)
@@ -84,10 +89,14 @@ def rank_classes(
         wanted = min(2 * wanted, MOST * count)
         routes = list(search(wanted))
     if not best:
-        raise PlanningError("every class winds round a point obstacle, which a point robot can touch but not pass")
+        raise PlanningError(
+            "every class winds round a point obstacle, which a point robot can touch but not pass"
+        )
     notes = [] if certain else ["a class that the graph ranks lower may be among the best"]
     if len(attained) < len(done):
-        notes.append(f"{len(done) - len(attained)} classes that wind round a point obstacle have no fastest path")
+        notes.append(
+            f"{len(done) - len(attained)} classes that wind round a point obstacle have no fastest path"
+        )
     ranked = tuple(replace(c, rank=i) for i, c in enumerate(best, start=1))
     for c in ranked:
         if not c.certified:
@@ -97,7 +106,7 @@ def rank_classes(
 
 def refine(problem: Problem, solver: ClassSolver, gates: Gates, route: Route) -> ClassOptimum:
     """The optimum of a route's class; the route itself, with its bound, where none could be certified."""
-    start = structure_of(problem, solver.diagram, solver.chart, route)
+    start = structure_of(problem, solver.cut, solver.chart, route)
     found = solver.optimum(start)
     points = polyline(solver.solver, found.state)
     failed = found.failed

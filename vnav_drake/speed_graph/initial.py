@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vnav_drake.problem import Problem
+from vnav_drake.speed_graph.cap import CutDiagram
 from vnav_drake.speed_graph.chart import Chart
 from vnav_drake.speed_graph.route import Route
 from vnav_drake.speed_graph.structure import NODE_TOLERANCE, Join, Kind, Structure, from_stops
@@ -16,20 +18,71 @@ from vnav_drake.voronoi import VoronoiDiagram
 Array = NDArray[np.float64]
 
 
-def structure_of(problem: Problem, diagram: VoronoiDiagram, chart: Chart, route: Route) -> Structure:
-    """The structure of a route in the diagram restricted to the robot's level."""
-    start = _end(diagram, problem.start.point, int(route.border[0]), float(route.parameter[0]))
-    goal = _end(diagram, problem.goal.point, int(route.border[-1]), float(route.parameter[-1]))
-    cell, along = [int(c) for c in route.cell], [int(a) for a in route.along]
-    sweep = [_sweep(chart, c, int(t), *route.point[i : i + 2]) for i, (c, t) in enumerate(zip(cell, route.turn, strict=True))]
-    border, u = route.border[1:-1].tolist(), route.parameter[1:-1].tolist()
+def structure_of(problem: Problem, cut: CutDiagram, chart: Chart, route: Route) -> Structure:
+    """The structure of a route in the diagram restricted to the robot's level, which `cut` was made from."""
+    diagram = cut.diagram
+    stops = [
+        (-1 if b < 0 else cut.piece(b, u), u)
+        for b, u in zip(route.border.tolist(), route.parameter.tolist(), strict=True)
+    ]
+    border: list[int] = []  # of the stops between start and goal
+    u: list[float] = []
+    steps: list[_Step] = []  # one more
+    for i in range(route.stops - 1):
+        if i > 0:
+            border.append(stops[i][0])
+            u.append(stops[i][1])
+        cell, along = int(route.cell[i]), int(route.along[i])
+        if cell >= 0:
+            steps.append(_Step(cell, -1, _sweep(chart, cell, int(route.turn[i]), *route.point[i : i + 2])))
+            continue
+        ends = [_on_border(cut, route, k, along) for k in (i, i + 1)]
+        for k, (row, mark) in enumerate(cut.pieces_between(along, *ends)):
+            if k > 0:
+                border.append(row)
+                u.append(mark)
+            steps.append(_ride(cut, row))
     for i in range(len(border) - 1, -1, -1):
         if border[i] < 0:  # a way round a point through start or goal: the legs around it are one
-            sweep[i] += sweep[i + 1]
-            for row in (cell, along, sweep):
-                del row[i + 1]
+            steps[i : i + 2] = [replace(steps[i], sweep=steps[i].sweep + steps[i + 1].sweep)]
             del border[i], u[i]
-    return from_stops(diagram, start, goal, border, u, cell, along, sweep)
+    return from_stops(
+        diagram,
+        _end(diagram, problem.start.point, *stops[0]),
+        _end(diagram, problem.goal.point, *stops[-1]),
+        border,
+        u,
+        [step.cell for step in steps],
+        [step.along for step in steps],
+        [step.sweep for step in steps],
+    )
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A leg through `cell`, or a ride along border `along`; the other is -1."""
+
+    cell: int
+    along: int
+    sweep: float
+
+
+def _ride(cut: CutDiagram, row: int) -> _Step:
+    """Along a piece of an arc; at the greatest speed straight through the cell that an arc bends round."""
+    if cut.rideable[row]:
+        return _Step(-1, row, 0.0)
+    return _Step(int(cut.diagram.cells[row].max()), -1, 0.0)  # cells of vertices come last
+
+
+def _on_border(cut: CutDiagram, route: Route, i: int, border: int) -> float:
+    """Parameter of stop i on a border of the diagram before it was cut: its own, or the end at its node."""
+    if int(route.border[i]) == border:
+        return float(route.parameter[i])
+    rows = slice(cut.row[border], cut.row[border + 1])
+    curves = cut.diagram.curves.take(np.arange(rows.start, rows.stop))
+    ends = curves.ends.reshape(-1, 2)
+    nearest = int(np.argmin(np.hypot(*(ends - route.point[i]).T)))
+    return float(curves.span.reshape(-1)[nearest])
 
 
 def _end(diagram: VoronoiDiagram, point: Array, border: int, u: float) -> Join:

@@ -85,7 +85,9 @@ class Solver(Evaluator):
             trial, after = state, error
             for _try in range(BACKTRACKS):
                 new = self._moved(state, self._meeting(state, _spread(cut, block) * step))
-                together = self._met(new, _of_blocks(moving & (error > CIRCLING), block) & (rounds > PATIENCE))
+                together = self._met(
+                    new, _of_blocks(moving & (error > CIRCLING), block) & (rounds > PATIENCE)
+                )
                 ended = np.zeros(count, dtype=bool)
                 ended[block[together != 0.0]] = True
                 if not (ended & doubtful).any():

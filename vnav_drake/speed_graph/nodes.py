@@ -49,7 +49,9 @@ def around(diagram: VoronoiDiagram, node: int) -> Around:
     """The borders and cells around a node of the diagram."""
     border, end = diagram.incident(node)
     curves = diagram.curves.take(border)
-    tangent = curves.tangents(curves.span)[np.arange(len(border)), end] * np.where(end == 0, 1.0, -1.0)[:, None]
+    tangent = (
+        curves.tangents(curves.span)[np.arange(len(border)), end] * np.where(end == 0, 1.0, -1.0)[:, None]
+    )
     angle = np.arctan2(tangent[:, 1], tangent[:, 0])
     # left of a curve that leaves along its own direction is its left cell, else its right one
     left = diagram.cells[border, end]

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav_drake.speed_graph.cap import cut_at_cap
 from vnav_drake.speed_graph.chart import Chart, along
 from vnav_drake.speed_graph.newton import FINE, Iteration, Settled, Solver
 from vnav_drake.speed_graph.state import State
@@ -60,9 +61,11 @@ class ClassSolver:
     """Finds the fastest path of a class from any path of that class."""
 
     def __init__(self, diagram: VoronoiDiagram, chart: Chart) -> None:
-        self.diagram, self.chart = diagram, chart
-        self.solver = Solver(diagram, chart)
-        self.surgeon = Surgeon(diagram, diagram.primary)
+        self.chart = chart
+        self.cut = cut_at_cap(diagram, chart.law, chart.radius)
+        self.diagram = self.cut.diagram
+        self.solver = Solver(self.diagram, chart)
+        self.surgeon = Surgeon(self.diagram, self.cut.rideable)
 
     def optimum(self, structure: Structure) -> Optimum:
         """The fastest path that can be reached from a structure by shortening it."""

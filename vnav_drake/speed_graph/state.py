@@ -94,7 +94,18 @@ class Evaluator:
         jacobian = self._jacobian(joins, leg, flight)
         diagonal = self._diagonal(structure, jacobian)
         bound = self._pushed(joins, residual, diagonal)
-        return State(structure, place, leg, flight, tangent, residual, jacobian, diagonal, bound, self._rides(structure))
+        return State(
+            structure,
+            place,
+            leg,
+            flight,
+            tangent,
+            residual,
+            jacobian,
+            diagonal,
+            bound,
+            self._rides(structure),
+        )
 
     def _onward(self, structure: Structure, tangent: Array) -> Array:
         """Heading [rad] of the ride at joins that begin or end one, in the direction of travel."""
@@ -141,7 +152,9 @@ class Evaluator:
                 leg = structure.pieces[i - 1 if join.kind is Kind.ATTACH else i]
                 span = self.span[join.border]
                 left = self.diagram.cells[join.border, 0 if ride.sweep * (span[1] - span[0]) > 0.0 else 1]
-                out[i] = math.copysign(max(abs(out[i]), FLAT), ride.sweep * (1.0 if leg.cell == left else -1.0))
+                out[i] = math.copysign(
+                    max(abs(out[i]), FLAT), ride.sweep * (1.0 if leg.cell == left else -1.0)
+                )
         return out
 
     def _pushed(self, joins: Sequence[Join], residual: Array, diagonal: Array) -> Array:
@@ -153,14 +166,18 @@ class Evaluator:
         u = np.array([joins[i].u for i in on])
         low, high = np.sort(self.span[[joins[i].border for i in on]], axis=1).T
         way = -residual[on] * diagonal[on]
-        out[on] = np.where((u <= low + EDGE) & (way < 0.0), -1.0, np.where((u >= high - EDGE) & (way > 0.0), 1.0, 0.0))
+        out[on] = np.where(
+            (u <= low + EDGE) & (way < 0.0), -1.0, np.where((u >= high - EDGE) & (way > 0.0), 1.0, 0.0)
+        )
         return out
 
     def _jacobian(self, joins: Sequence[Join], leg: Indices, flight: Flight) -> Array:
         """(m + 1, m + 1) derivatives of residuals by the borders' parameters."""
         count = len(joins)
         velocity, bend = np.zeros((count, 2)), np.zeros(count)
-        on = np.array([i for i, j in enumerate(joins) if j.border >= 0 and j.kind is not Kind.END], dtype=np.int64)
+        on = np.array(
+            [i for i, j in enumerate(joins) if j.border >= 0 and j.kind is not Kind.END], dtype=np.int64
+        )
         curves = self.diagram.curves.take(np.array([joins[i].border for i in on], dtype=np.int64))
         u = np.array([joins[i].u for i in on])
         stretch = stretch_of(curves, u)

@@ -61,8 +61,18 @@ class Surgeon:
         if one.node >= 0 and one.node == other.node:
             return _without_piece(s, i)
         if one.kind is Kind.CROSS and other.kind is Kind.CROSS and one.border == other.border:
-            return s.spliced(i - 1, i + 2, [], [replace(s.pieces[i - 1], sweep=_sum(s, i - 1, i + 1, s.pieces[i - 1].cell))])
-        if one.border >= 0 and one.border == other.border or self._touches(one, other) or self._touches(other, one):
+            return s.spliced(
+                i - 1,
+                i + 2,
+                [],
+                [replace(s.pieces[i - 1], sweep=_sum(s, i - 1, i + 1, s.pieces[i - 1].cell))],
+            )
+        if (
+            one.border >= 0
+            and one.border == other.border
+            or self._touches(one, other)
+            or self._touches(other, one)
+        ):
             return self._along_border(s, i)
         return None
 
@@ -88,9 +98,16 @@ class Surgeon:
         if not self.rideable[border]:
             # along a border between cells of one obstacle: the leg on its other side is as good
             if other.kind is Kind.CROSS and other.border == border:
-                return s.spliced(i, i + 2, [], [replace(s.pieces[i + 1], sweep=_sum(s, i, i + 1, s.pieces[i + 1].cell))])
+                return s.spliced(
+                    i, i + 2, [], [replace(s.pieces[i + 1], sweep=_sum(s, i, i + 1, s.pieces[i + 1].cell))]
+                )
             if one.kind is Kind.CROSS and one.border == border:
-                return s.spliced(i - 1, i + 1, [], [replace(s.pieces[i - 1], sweep=_sum(s, i - 1, i, s.pieces[i - 1].cell))])
+                return s.spliced(
+                    i - 1,
+                    i + 1,
+                    [],
+                    [replace(s.pieces[i - 1], sweep=_sum(s, i - 1, i, s.pieces[i - 1].cell))],
+                )
             return None
         u0, u1 = self._u(one, border), self._u(other, border)
         ride = Piece(border=border, sweep=math.copysign(1.0, u1 - u0))
