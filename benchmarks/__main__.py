@@ -1,7 +1,7 @@
 """Run every benchmark of this package, or those named: `python -m benchmarks world`.
 
 A benchmark is a module with a function `main() -> None` that prints its table. Studies take too long to be
-among them and are run by their own names; other modules hold what several of them use.
+among them; they are run by their own names: `python -m benchmarks.ranking`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import sys
 
 import benchmarks
 
-NOT_HERE = {"ranking", "random_worlds"}
+STUDIES = {"ranking"}
 
 
 def main(wanted: list[str]) -> int:
@@ -21,7 +21,7 @@ def main(wanted: list[str]) -> int:
     known = sorted(
         m.name
         for m in pkgutil.iter_modules(benchmarks.__path__)
-        if not m.name.startswith("_") and m.name not in NOT_HERE
+        if not m.name.startswith("_") and m.name not in STUDIES
     )
     unknown = sorted(set(wanted) - set(known))
     if unknown:
