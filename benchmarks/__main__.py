@@ -13,7 +13,7 @@ import sys
 
 import benchmarks
 
-STUDIES = {"ranking"}
+NOT_HERE = {"ranking", "random_worlds"}  # a study, and what it draws from
 
 
 def main(wanted: list[str]) -> int:
@@ -21,7 +21,7 @@ def main(wanted: list[str]) -> int:
     known = sorted(
         m.name
         for m in pkgutil.iter_modules(benchmarks.__path__)
-        if not m.name.startswith("_") and m.name not in STUDIES
+        if not m.name.startswith("_") and m.name not in NOT_HERE
     )
     unknown = sorted(set(wanted) - set(known))
     if unknown:

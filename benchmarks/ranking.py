@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.random_worlds import STYLES, random_problem
+from benchmarks.random_worlds import FAMILIES, random_problem
 from vnav_drake.homotopy import build_gates, word_of
 from vnav_drake.problem import PlanningError, Problem
 from vnav_drake.speed_graph.chart import Chart
@@ -50,11 +50,12 @@ def study(seed: int) -> dict[str, Any]:
     signal.signal(signal.SIGALRM, _too_long)
     signal.alarm(PATIENCE)
     begin = time.perf_counter()
-    style = STYLES[seed % len(STYLES)]
-    problem = random_problem(seed, style=style)
+    drawn = random_problem(seed)
+    problem = drawn.problem
     row: dict[str, Any] = {
         "seed": seed,
-        "style": style,
+        "family": drawn.family,
+        "side": drawn.side,
         "radius": problem.robot.radius,
         "vertices": len(problem.world.vertices),
     }
@@ -188,7 +189,7 @@ def summary(rows: Iterable[dict[str, Any]]) -> dict[str, Any]:
         "with_path": len(rows),
         "refused": refused,
         "crashed_or_hung": sum("crash" in r for r in every),
-        "styles": {style: sum(r["style"] == style for r in rows) for style in STYLES},
+        "families": {family: sum(r["family"] == family for r in rows) for family in FAMILIES},
         "vertices": [int(n) for n in np.percentile([r["vertices"] for r in rows], (0, 50, 100))],
         "classes_refined": sum(r["refined"] for r in rows),
         "certified_of_all": 1.0 - sum(r["uncertified"] for r in rows) / sum(r["refined"] for r in rows),
