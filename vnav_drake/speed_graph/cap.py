@@ -6,6 +6,7 @@ straight and never follow it. Nearer to the obstacles it is a geodesic as ever.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,7 @@ class CutDiagram:
 
     diagram: VoronoiDiagram
     rideable: NDArray[np.bool_]  # (m,) Voronoi arcs slower than the greatest speed
+    cap: float  # [m] distance to the nearest feature at which the greatest speed is reached
     row: Indices  # (n + 1,) first piece of each border of the diagram that was cut
 
     def piece(self, border: int, u: float) -> int:
@@ -51,7 +53,7 @@ def cut_at_cap(diagram: VoronoiDiagram, law: UniformBraking, radius: float) -> C
     """The arcs of a restricted diagram cut where V(d) = v_max; all of them rideable when there is none."""
     count = len(diagram.curves)
     if not np.isfinite(law.max_speed):
-        return CutDiagram(diagram, diagram.primary, np.arange(count + 1))
+        return CutDiagram(diagram, diagram.primary, math.inf, np.arange(count + 1))
     cap = radius + float(law.distance(law.max_speed))
     curves = diagram.curves
     marks = _levels(curves, cap)
@@ -86,7 +88,7 @@ def cut_at_cap(diagram: VoronoiDiagram, law: UniformBraking, radius: float) -> C
         diagram.notes,
         diagram.complete,
     )
-    return CutDiagram(whole, rideable, row)
+    return CutDiagram(whole, rideable, cap, row)
 
 
 def _levels(curves: Curves, level: float) -> Array:

@@ -65,7 +65,7 @@ class ClassSolver:
         self.cut = cut_at_cap(diagram, chart.law, chart.radius)
         self.diagram = self.cut.diagram
         self.solver = Solver(self.diagram, chart)
-        self.surgeon = Surgeon(self.diagram, self.cut.rideable)
+        self.surgeon = Surgeon(self.diagram, self.cut.rideable, self.cut.cap)
 
     def optimum(self, structure: Structure) -> Optimum:
         """The fastest path that can be reached from a structure by shortening it."""

@@ -33,6 +33,7 @@ class Surgeon:
 
     diagram: VoronoiDiagram
     rideable: NDArray[np.bool_]
+    cap: float = math.inf  # [m] distance from which on the speed is greatest
 
     # -- tidying: patterns that are never optimal, read off the structure alone
 
@@ -263,14 +264,14 @@ class Surgeon:
         if i > 0 and not s.pieces[i - 1].is_ride:
             back = heading_in + math.pi
             sector = view.sector_of(s.pieces[i - 1].cell, back)
-            if sector is not None and view.outside(sector, back) > ASIDE:
-                side = view.nearest_side(sector, back)
+            side = self._hit(view, sector, back)
+            if sector is not None and side is not None:
                 join, pieces = self._put_between(state, i - 1, s.pieces[i - 1], view, sector, side)
                 return s.spliced(i - 1, i, [join], pieces)
         if i < len(s.pieces) and not s.pieces[i].is_ride:
             sector = view.sector_of(s.pieces[i].cell, heading_out)
-            if sector is not None and view.outside(sector, heading_out) > ASIDE:
-                side = view.nearest_side(sector, heading_out)
+            side = self._hit(view, sector, heading_out)
+            if sector is not None and side is not None:
                 join, pieces = self._put_between(state, i, s.pieces[i], view, sector, side)
                 if join.kind is Kind.ATTACH:
                     join = replace(join, kind=Kind.LEAVE)
@@ -278,6 +279,37 @@ class Surgeon:
                 else:
                     pieces = pieces[::-1]
                 return s.spliced(i, i + 1, [join], pieces)
+        return None
+
+    def _hit(self, view: Around, sector: int | None, angle: float) -> int | None:
+        """The border that a leg hits as it meets a node, because it leaves its sector there.
+
+        None where it stays, and where it may leave: at the greatest speed all cells are alike.
+        """
+        if sector is None or view.outside(sector, angle) <= ASIDE:
+            return None
+        side = view.nearest_side(sector, angle)
+        return None if self._is_flat(view.node) and not self.rideable[view.border[side]] else side
+
+    def _is_flat(self, node: int) -> bool:
+        return bool(self.diagram.node_distance[node] >= self.cap * (1.0 - 1e-9))
+
+    def _through_flat(
+        self, s: Structure, i: int, view: Around, back: float, ahead: float
+    ) -> Structure | None:
+        """Two legs at a node where the speed is greatest, not both in their sectors: one, or two that cross a border."""
+        before, after = s.pieces[i - 1], s.pieces[i]
+        if before.is_ride or after.is_ride:
+            return None
+        sectors = [view.sector_of(p.cell, angle) for p, angle in ((before, back), (after, ahead))]
+        if all(k is not None and view.outside(k, a) <= ASIDE for k, a in zip(sectors, (back, ahead), strict=True)):
+            return None
+        if before.cell == after.cell:
+            return s.spliced(i - 1, i + 1, [], [replace(before, sweep=before.sweep + after.sweep)])
+        for j, border in enumerate(view.border):
+            if {view.cell[j - 1], view.cell[j]} == {before.cell, after.cell}:
+                u, _ = self._near(border, view.end[j], 1e-3 * float(self.diagram.node_distance[view.node]))
+                return s.with_join(i, Join(Kind.CROSS, border, u))
         return None
 
     def _put_between(
@@ -309,17 +341,23 @@ class Surgeon:
         width = (heading_out - back) % TURN
         if abs(width - math.pi) <= SMOOTH:
             return s
+        if self._is_flat(view.node):
+            flat = self._through_flat(s, i, view, back, heading_out)
+            if flat is not None:
+                return flat
         counter = width < math.pi
         crossed, sectors = _way_round(view, before, after, back, heading_out, counter)
         opening = width if counter else TURN - width
         lengths = [float(np.hypot(*(state.place[k + 1] - state.place[k]))) for k in (i - 1, i)]
         reach = 0.4 * min([x for x in lengths if x > 0.0] or [0.1])
-        # a leg bends by about its length over the distance to the feature: a small kink needs a small detour
-        room = float(self.diagram.node_distance[view.node])
-        reach = min(reach, max(min(0.5, abs(width - math.pi)), 1e-6) * room)
+        # a leg bends by about its length over the distance to the feature: by a small kink it leaves a ride for
+        # a short way only
+        nearest = float(self.diagram.node_distance[view.node])
+        bend = min(0.5, abs(width - math.pi)) if before.is_ride or after.is_ride else 0.5
+        reach = min(reach, max(bend, 1e-6) * nearest)
         angles = [(view.angle[j] - back) % TURN for j in crossed]
         angles = angles if counter else [TURN - angle for angle in angles]
-        depth = [max(math.cos(0.5 * opening) / max(math.cos(a - 0.5 * opening), 0.05), 1e-3) for a in angles]
+        depth = [max(math.cos(0.5 * opening) / max(math.cos(a - 0.5 * opening), 0.05), 1e-6) for a in angles]
         # all at one scale, so that the chord stays a chord where a border is short
         room = [0.5 * float(self.diagram.curves.take([view.border[j]]).length[0]) for j in crossed]
         reach = min([reach, *(r / d for r, d in zip(room, depth, strict=True))])
