@@ -54,6 +54,18 @@ class Settled:
     met: Array  # (m + 1,) -1 or +1 for joins at the low or high end of their border, by their parameter
 
 
+@dataclass(frozen=True)
+class _Attempt:
+    """What one step led to."""
+
+    state: State
+    error: Array  # of each block
+    step: Array  # (m + 1,)
+    cut: Array  # part of it that each block took
+    together: Array  # (m + 1,) joins that have met, as `Settled.met`
+    turning: tuple[int, ...]  # rides of no length that the step would turn round
+
+
 class Solver(Evaluator):
     """Newton's method for one world, robot and braking law."""
 
@@ -72,53 +84,67 @@ class Solver(Evaluator):
             moving = ~resting & (error > RESIDUAL)
             if not moving.any():
                 break
-            active = _of_blocks(moving, block)
-            newton, doubtful = self._newton(state, block, error)
-            step, turning = self._closing(state, np.where(active, newton, 0.0))
-            for i in turning:
-                closing.add(i)
-                resting[[k for k in block[[i, i + 1]] if k >= 0]] = True
-            if turning:
+            tried = self._attempt(state, block, moving, error, trust, rounds > PATIENCE)
+            if tried.turning:
+                closing.update(tried.turning)
+                sides = block[[k for i in tried.turning for k in (i, i + 1)]]
+                resting[sides[sides >= 0]] = True
                 continue
-            scale = self._scale(state, _of_blocks(error > BENT, block))
-            cut = _cut(step / scale, block, trust)
-            trial, after = state, error
-            for _try in range(BACKTRACKS):
-                new = self._moved(state, self._meeting(state, _spread(cut, block) * step))
-                together = self._met(
-                    new, _of_blocks(moving & (error > CIRCLING), block) & (rounds > PATIENCE)
-                )
-                ended = np.zeros(count, dtype=bool)
-                ended[block[together != 0.0]] = True
-                if not (ended & doubtful).any():
-                    if ended.any():
-                        break
-                    trial = self.state(new)
-                    after = _errors(trial, block, count)
-                    ended[block[(trial.bound != 0.0) & (state.bound == 0.0)]] = True
-                astray = moving & doubtful & ((after > IMPROVED * error) | ended)
-                if astray.any():
-                    doubtful &= ~astray
-                    step = np.where(_of_blocks(astray, block), _alone(state), step)
-                    cut = np.where(astray, _cut(step / scale, block, trust), cut)
-                    continue
-                bad = moving & (after > np.maximum(WORSE * error, FINE)) & (error <= LOST)
-                if not bad.any():
-                    break
-                cut[bad] *= SHRINK
-            if together.any():
-                met = np.where(together != 0.0, together, met)
-                resting[np.unique(block[together != 0.0])] = True
+            if tried.together.any():
+                met = np.where(tried.together != 0.0, tried.together, met)
+                resting[np.unique(block[tried.together != 0.0])] = True
                 continue
+            trial, after, cut = tried.state, tried.error, tried.cut
             better = after < error
             trust = np.where(better, np.minimum(REACH, 2.0 * trust), np.maximum(0.5 * trust, LEAST_REACH))
             stalled = moving & (error < FINE) & ~better
             resting |= stalled
             if stalled.any():
-                step = np.where(_of_blocks(stalled, block), 0.0, step)
+                step = np.where(_of_blocks(stalled, block), 0.0, tried.step)
                 trial = self.state(self._moved(state, self._meeting(state, _spread(cut, block) * step)))
             state = trial
         return Settled(state, tuple(sorted(closing)), np.where(met != 0.0, met, state.bound))
+
+    def _attempt(
+        self, state: State, block: Indices, moving: Mask, error: Array, trust: Array, patient: bool
+    ) -> _Attempt:
+        """One step of all blocks that are `moving`, each cut until its residual does not grow.
+
+        Where Newton's step is doubtful and does not help, every join of the block takes its own step.
+        """
+        count = len(error)
+        newton, doubtful = self._newton(state, block, error)
+        step = np.where(_of_blocks(moving, block), newton, 0.0)
+        scale = self._scale(state, _of_blocks(error > BENT, block))
+        circling = _of_blocks(moving & (error > CIRCLING), block) & patient
+        trial, after, together = state, error, np.zeros(len(block))
+        step, turning = self._closing(state, step)
+        cut = _cut(step / scale, block, trust)
+        for _try in range(BACKTRACKS):
+            if turning:
+                break
+            new = self._moved(state, self._meeting(state, _spread(cut, block) * step))
+            together = self._met(new, circling)
+            ended = np.zeros(count, dtype=bool)
+            ended[block[together != 0.0]] = True
+            if not (ended & doubtful).any():
+                if ended.any():
+                    break
+                trial = self.state(new)
+                after = _errors(trial, block, count)
+                ended[block[(trial.bound != 0.0) & (state.bound == 0.0)]] = True
+            astray = moving & doubtful & ((after > IMPROVED * error) | ended)
+            if astray.any():
+                doubtful &= ~astray
+                step = np.where(_of_blocks(astray, block) & (state.bound == 0.0), _alone(state), step)
+                step, turning = self._closing(state, step)
+                cut = np.where(astray, _cut(step / scale, block, trust), cut)
+                continue
+            bad = moving & (after > np.maximum(WORSE * error, FINE)) & (error <= LOST)
+            if not bad.any():
+                break
+            cut[bad] *= SHRINK
+        return _Attempt(trial, after, step, cut, together, turning)
 
     def _newton(self, state: State, block: Indices, error: Array) -> tuple[Array, Mask]:
         """Newton's step (m + 1,) in the borders' parameters, and blocks where it may well be wrong.
