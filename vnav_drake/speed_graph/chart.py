@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from vnav_drake.arcs import Legs, leg_points, solve_legs
 from vnav_drake.braking import UniformBraking
+from vnav_drake.speed_graph.cells import reference_angles
 from vnav_drake.world import World
 
 Array = NDArray[np.float64]
@@ -43,25 +44,18 @@ class Chart:
     radius: float
 
     @cached_property
+    def _angles(self) -> tuple[Array, Mask]:
+        return reference_angles(self.world)
+
+    @property
     def reference(self) -> Array:
-        """(n,) [rad] direction from each vertex towards the middle of its walls; angles are counted from there.
+        """(n,) [rad] direction from which angles at each vertex are counted; none jumps within its sector."""
+        return self._angles[0]
 
-        So no angle jumps within the free sector of a vertex. At an isolated point any direction will do.
-        """
-        world = self.world
-        balance = np.zeros_like(world.vertices)
-        for k in (0, 1):
-            toward = world.vertices[world.edges[:, 1 - k]] - world.vertices[world.edges[:, k]]
-            toward = toward / np.hypot(toward[:, 0], toward[:, 1])[:, None]
-            np.add.at(balance, world.edges[:, k], toward)
-        return np.arctan2(balance[:, 1], balance[:, 0])
-
-    @cached_property
+    @property
     def lone(self) -> Mask:
         """(n,) vertices without walls."""
-        out = np.zeros(len(self.world.vertices), dtype=bool)
-        out[self.world.isolated] = True
-        return out
+        return self._angles[1]
 
 
 def frame(chart: Chart, cell: Indices, position: Array) -> Frame:
@@ -141,8 +135,8 @@ def turns(chart: Chart, flight: Flight, motion: Array) -> Array:
     """How the headings change: (n, 2, 2) [rad], [leg, at start or end, start or end moved by its `motion`].
 
     `motion` (n, 2, 2): small moves [m] of start and end. Derived from the second derivatives of T in
-    (d1, d2, |dtheta|): T_d1 = -cos(beta1) / V1, T_d2 = cos(beta2) / V2 and T_theta = k = sin(beta) r / V give
-    both cos(beta) and sin(beta) at either end, hence d beta = sin(beta) (-d cos(beta)) + cos(beta) d sin(beta).
+    (d1, d2, |dtheta|): T_d1 = -cos(beta1) / V1, T_d2 = cos(beta2) / V2 and T_theta = k = sin(beta) r / V
+    give cos(beta) and sin(beta) at either end, hence d beta = -sin(beta) d cos(beta) + cos(beta) d sin(beta).
     """
     hessian, law = flight.legs.hessian, chart.law
     if hessian is None:
@@ -181,7 +175,7 @@ def turns(chart: Chart, flight: Flight, motion: Array) -> Array:
 
 
 def along(chart: Chart, cell: Indices, flight: Flight, part: Array) -> tuple[Array, Array]:
-    """Positions (n, k, 2) [m] on legs at parts (k,) of them in [0, 1], and clearance (n, k) [m] to their own features."""
+    """Positions (n, k, 2) [m] on legs at parts (k,) in [0, 1]; clearance (n, k) [m] to their features."""
     world, law, radius = chart.world, chart.law, chart.radius
     d1, d2 = (np.maximum(f.clearance, law.margin) for f in (flight.start, flight.end))
     theta, d = leg_points(law, radius, flight.start.at_point, d1, d2, np.abs(flight.sweep), part)

@@ -30,8 +30,8 @@ MOST = 4  # times as many routes as classes asked for are refined at most
 class ClassOptimum:
     """The fastest path of one homotopy class.
 
-    When it is not `certified`, `failed` names the conditions that do not hold. `travel_time - optimality_bound`
-    is a lower bound of the class in any case but "ridge" and "class".
+    When it is not `certified`, `failed` names the conditions that do not hold; it is then a path of the
+    class all the same, and `travel_time - optimality_bound` still a lower bound, if a loose one.
     """
 
     rank: int  # from 1, by travel time
@@ -66,8 +66,8 @@ def rank_classes(
 ) -> Ranking:
     """The `count` fastest classes by the travel time of their optima.
 
-    Routes are refined in the order of their graph times. That order is not the final one: refining stops when the
-    next route, even if the graph overestimates it more than all routes seen, cannot be among the best.
+    Routes are refined in the order of their graph times. That order is not the final one: refining stops
+    when the next route, even if the graph overestimates it more than all seen, cannot be among the best.
     """
     wanted, routes = count + SPARE, list(search(count + SPARE))
     done: list[ClassOptimum] = []

@@ -59,7 +59,10 @@ def polyline(solver: Evaluator, state: State) -> Array:
 
 def arc_path(solver: Evaluator, state: State) -> Path:
     """The path as circular arcs, without kinks up to rounding."""
-    corner, heading, bend, length = [], [], [], []
+    corner: list[Array] = []
+    heading: list[Array] = []
+    bend: list[Array] = []
+    length: list[Array] = []
     last = state.place[-1]
     for points, tangents in sampled_pieces(solver, state):
         if np.hypot(*np.diff(points, axis=0).T).sum() <= SHORT:

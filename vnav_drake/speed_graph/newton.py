@@ -1,12 +1,12 @@
 """Newton's method on the joins of a structure: where a path of given structure has no kinks.
 
-Joins that depend on each other, with only legs between them, form a block. Blocks are independent, so each has
-its own step length, and trouble in one does not hold up the others.
+Joins that depend on each other, with only legs between them, form a block. Blocks are independent, so each
+has its own step length, and trouble in one does not hold up the others.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -222,8 +222,8 @@ class Solver(Evaluator):
     def _met(self, structure: Structure, circling: Mask) -> Array:
         """(m + 1,) -1 or +1 for joins of a leg that has shrunk to nothing: they have met at a node.
 
-        For joins that are `circling` (m + 1,) a short leg near a node is enough: around a corner all sizes look alike,
-        and Newton's method may circle it. What is best there is then read off the kink at the node.
+        For joins that are `circling` (m + 1,) a short leg near a node is enough: around a corner all sizes
+        look alike, and Newton's method may circle it. What is best there is then read off the kink.
         """
         joins = structure.joins
         place = places_of(self.diagram, joins)

@@ -35,7 +35,7 @@ KINK = 1e-7  # [rad]: largest kink of a certified path
 
 # The four conditions of a certified optimum.
 RESIDUAL, RIDGE, CLASS, NODE = "residual", "ridge", "class", "node"
-# A class that winds round a point obstacle of a point robot has no fastest path: the infimum touches the point.
+# A class that winds round a point obstacle has no fastest path for a point robot: the infimum touches it.
 POINT = "point"
 
 
@@ -72,7 +72,9 @@ class ClassSolver:
         begun, history = structure, list[Iteration]()
         seen: Counter[object] = Counter()
         state, settled = None, False
-        for rounds in range(ROUNDS):
+        rounds = 0
+        while rounds < ROUNDS:
+            rounds += 1
             structure = self.surgeon.tidied(structure)
             if self._winds(structure):
                 return replace(self.as_it_is(begun), failed=(POINT,), history=tuple(history))

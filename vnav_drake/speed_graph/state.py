@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav_drake.speed_graph.chart import Chart, Flight, fly, turns
-from vnav_drake.speed_graph.structure import Join, Kind, Structure, places_of
+from vnav_drake.speed_graph.structure import Join, Kind, Structure, parameter_on, places_of
 from vnav_drake.voronoi import PARABOLA, Curves, VoronoiDiagram, travel_time
 
 Array = NDArray[np.float64]
@@ -134,10 +134,7 @@ class Evaluator:
 
     def parameter(self, join: Join, border: int) -> float:
         """Where a join lies on a border that it is on."""
-        if join.border == border:
-            return float(join.u)
-        end = int(np.flatnonzero(self.diagram.ends[border] == join.node)[0])
-        return float(self.span[border, end])
+        return parameter_on(self.diagram, join, border)
 
     def _diagonal(self, structure: Structure, jacobian: Array) -> Array:
         """(m + 1,) derivative of each residual by its own join, with the sign that it must have.

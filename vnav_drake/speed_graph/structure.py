@@ -116,6 +116,14 @@ def place_of(diagram: VoronoiDiagram, join: Join) -> Array:
     return diagram.curves.take([join.border]).points(np.array([join.u]))[0]
 
 
+def parameter_on(diagram: VoronoiDiagram, join: Join, border: int) -> float:
+    """Where a join lies on a border that it is on, or that ends at its node."""
+    if join.border == border:
+        return join.u
+    end = int(np.flatnonzero(diagram.ends[border] == join.node)[0])
+    return float(diagram.curves.span[border, end])
+
+
 def places_of(diagram: VoronoiDiagram, joins: Sequence[Join]) -> Array:
     """Positions (m, 2) [m] of joins."""
     out = np.empty((len(joins), 2))
@@ -191,12 +199,7 @@ def _directed(diagram: VoronoiDiagram, s: Structure) -> Structure:
         if not piece.is_ride:
             continue
         span = diagram.curves.span[piece.border]
-        ends = []
-        for join in s.joins[i : i + 2]:
-            if join.border == piece.border:
-                ends.append(join.u)
-            else:
-                ends.append(float(span[int(np.flatnonzero(diagram.ends[piece.border] == join.node)[0])]))
+        ends = [parameter_on(diagram, join, piece.border) for join in s.joins[i : i + 2]]
         gain = ends[1] - ends[0]
         if gain == 0.0:
             curve = diagram.curves.take([piece.border])

@@ -1,4 +1,4 @@
-"""Changes of structure: what a path does next when Newton's method has settled and the result is not yet optimal.
+"""Changes of structure: what a path does next when Newton's method has settled short of the optimum.
 
 Every rule follows from one fact: in the metric ds / V(d) free space is locally CAT(0), Voronoi arcs are
 geodesics of it, and two geodesics meet in one connected piece. So an optimal path meets an arc once: it
@@ -9,143 +9,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vnav_drake.speed_graph.newton import OVERLAP, Settled
-from vnav_drake.speed_graph.state import EDGE, MOVING, State
-from vnav_drake.speed_graph.nodes import TURN, Around, around
+from vnav_drake.speed_graph.newton import Settled
+from vnav_drake.speed_graph.release import SMOOTH, NodeRules
+from vnav_drake.speed_graph.state import MOVING, State
 from vnav_drake.speed_graph.structure import Join, Kind, Piece, Structure
-from vnav_drake.voronoi import PARABOLA, VoronoiDiagram
 
-Array = NDArray[np.float64]
-
-SMOOTH = 1e-9  # [rad]: smaller kinks are none
-ASIDE = 1e-7  # [rad]: a leg that leaves its cell by less at a node does not
-CHAIN = 1e-6  # [rad]: two arcs that meet with a smaller kink are one curve
+UPRIGHT = 1e-3  # cosines below this do not tell which way a path runs along a border
 
 
 @dataclass(frozen=True)
-class Surgeon:
-    """Rules for one diagram; `rideable` (m,) marks the borders that a path can follow."""
-
-    diagram: VoronoiDiagram
-    rideable: NDArray[np.bool_]
-    cap: float = math.inf  # [m] distance from which on the speed is greatest
-
-    # -- tidying: patterns that are never optimal, read off the structure alone
-
-    def tidied(self, structure: Structure) -> Structure:
-        """Joins that do nothing removed."""
-        while True:
-            for i in range(len(structure.pieces)):
-                shorter = self._tidy_at(structure, i)
-                if shorter is not None:
-                    structure = shorter
-                    break
-            else:
-                return structure
+class Surgeon(NodeRules):
+    """All rules; each returns the structure that follows, with the same signature if it has nothing to change."""
 
     def tidied_state(self, state: State) -> Structure:
         """The structure of a state without joins that do nothing where they lie now."""
         return self.tidied(state.structure)
-
-    def _tidy_at(self, s: Structure, i: int) -> Structure | None:
-        """One pattern around piece i removed, or None."""
-        one, other, piece = s.joins[i], s.joins[i + 1], s.pieces[i]
-        if piece.is_ride:
-            return self._tidy_ride(s, i)
-        if self._goes_round(piece):
-            return None
-        if one.node >= 0 and one.node == other.node:
-            return _without_piece(s, i)
-        if one.kind is Kind.CROSS and other.kind is Kind.CROSS and one.border == other.border:
-            return s.spliced(
-                i - 1,
-                i + 2,
-                [],
-                [replace(s.pieces[i - 1], sweep=_sum(s, i - 1, i + 1, s.pieces[i - 1].cell))],
-            )
-        if (
-            one.border >= 0
-            and one.border == other.border
-            or self._touches(one, other)
-            or self._touches(other, one)
-        ):
-            return self._along_border(s, i)
-        return None
-
-    def _goes_round(self, piece: Piece) -> bool:
-        """Whether a leg runs more than half round an isolated point: what is left out then has a hole in it."""
-        vertex = piece.cell - 2 * len(self.diagram.world.edges)
-        return vertex >= 0 and vertex in self._lone and abs(piece.sweep) > math.pi
-
-    @cached_property
-    def _lone(self) -> frozenset[int]:
-        return frozenset(self.diagram.world.isolated.tolist())
-
-    def _touches(self, node: Join, other: Join) -> bool:
-        """Whether a node is an end of the border of another join."""
-        return node.node >= 0 and other.border >= 0 and node.node in self.diagram.ends[other.border]
-
-    def _along_border(self, s: Structure, i: int) -> Structure | None:
-        """A leg between two joins of one border: the border itself is shorter."""
-        one, other = s.joins[i], s.joins[i + 1]
-        border = other.border if one.node >= 0 and one.kind is Kind.NODE or one.border < 0 else one.border
-        if one.border == other.border:
-            border = one.border
-        if not self.rideable[border]:
-            # along a border between cells of one obstacle: the leg on its other side is as good
-            if other.kind is Kind.CROSS and other.border == border:
-                return s.spliced(
-                    i, i + 2, [], [replace(s.pieces[i + 1], sweep=_sum(s, i, i + 1, s.pieces[i + 1].cell))]
-                )
-            if one.kind is Kind.CROSS and one.border == border:
-                return s.spliced(
-                    i - 1,
-                    i + 1,
-                    [],
-                    [replace(s.pieces[i - 1], sweep=_sum(s, i - 1, i, s.pieces[i - 1].cell))],
-                )
-            return None
-        u0, u1 = self._u(one, border), self._u(other, border)
-        ride = Piece(border=border, sweep=math.copysign(1.0, u1 - u0))
-        joins: list[Join] = []
-        pieces: list[Piece] = []
-        first, last = i, i + 1
-        # the near side
-        if one.kind is Kind.LEAVE:
-            first, ride = i - 1, replace(ride, sweep=s.pieces[i - 1].sweep)
-        elif one.kind is Kind.CROSS:
-            first = i - 1
-            pieces.append(s.pieces[i - 1])
-            joins.append(replace(one, kind=Kind.ATTACH))
-        pieces.append(ride)
-        if other.kind is Kind.ATTACH:
-            last = i + 2
-        elif other.kind is Kind.CROSS:
-            joins.append(replace(other, kind=Kind.LEAVE))
-            pieces.append(s.pieces[i + 1])
-            last = i + 2
-        return s.spliced(first, last, joins, pieces)
-
-    def _u(self, join: Join, border: int) -> float:
-        if join.border == border:
-            return join.u
-        end = int(np.flatnonzero(self.diagram.ends[border] == join.node)[0])
-        return float(self.diagram.curves.span[border, end])
-
-    def _tidy_ride(self, s: Structure, i: int) -> Structure | None:
-        """A ride of no length between fixed joins, two rides in a row on one border, or one that runs backwards."""
-        one, other, ride = s.joins[i], s.joins[i + 1], s.pieces[i]
-        if one.node >= 0 and one.node == other.node and one.border != ride.border:
-            return _without_piece(s, i)
-        if i + 1 < len(s.pieces) and s.pieces[i + 1].border == ride.border:
-            return s.spliced(i, i + 2, [], [ride])
-        gain = ride.sweep * (self._u(other, ride.border) - self._u(one, ride.border))
-        return self.without_ride(s, i) if gain < -OVERLAP else None
 
     def closed(self, settled: Settled) -> Structure:
         """Rides that would run backwards taken out."""
@@ -153,24 +34,6 @@ class Surgeon:
         for i in reversed(settled.closing):
             s = self.without_ride(s, i) or s
         return s
-
-    def without_ride(self, s: Structure, i: int) -> Structure | None:
-        """Ride i taken out: a crossing where it led from cell to cell. None when both its ends are fixed."""
-        one, other = s.joins[i], s.joins[i + 1]
-        loose_one, loose_other = one.kind is Kind.ATTACH, other.kind is Kind.LEAVE
-        if loose_one and loose_other:
-            before, after = s.pieces[i - 1], s.pieces[i + 1]
-            if before.cell == after.cell:
-                return s.spliced(i - 1, i + 2, [], [replace(before, sweep=before.sweep + after.sweep)])
-            middle = replace(one, kind=Kind.CROSS, u=0.5 * (one.u + other.u))
-            return s.spliced(i - 1, i + 2, [middle], [before, after])
-        if loose_other:  # from a fixed join straight away
-            return s.spliced(i, i + 2, [], [s.pieces[i + 1]])
-        if loose_one:
-            return s.spliced(i - 1, i + 1, [], [s.pieces[i - 1]])
-        return None
-
-    # -- joins at the ends of their borders
 
     def ended(self, settled: Settled) -> Structure:
         """Joins at the end of their border, and pushed beyond it, become nodes."""
@@ -182,8 +45,6 @@ class Surgeon:
                 end = int(np.argmin(span) if way < 0.0 else np.argmax(span))
                 s = s.with_join(i, Join(Kind.NODE, node=int(self.diagram.ends[border, end])))
         return s
-
-    # -- crossings that come from the wrong side
 
     def grazing(self, state: State) -> Structure:
         """Crossings whose legs do not lie on their side of the border become rides of no length."""
@@ -200,7 +61,7 @@ class Surgeon:
             if min(side * math.sin(a), side * math.sin(b)) >= -SMOOTH:
                 continue
             forward = math.cos(a) + math.cos(b)
-            if abs(forward) < 1e-3:
+            if abs(forward) < UPRIGHT:
                 chord = place[i + 1] - place[i - 1]
                 forward = float(chord @ [math.cos(state.tangent[i]), math.sin(state.tangent[i])])
             s = self.with_ride(s, i, forward)
@@ -220,234 +81,3 @@ class Surgeon:
         ride = Piece(border=border, sweep=math.copysign(1.0, forward * (span[1] - span[0])))
         pair = [Join(Kind.ATTACH, border, u), Join(Kind.LEAVE, border, u)]
         return s.spliced(i, i + 1, pair, [s.pieces[i], ride, s.pieces[i]])
-
-    # -- kinks at nodes
-
-    def headings(self, state: State) -> tuple[Array, Array]:
-        """Headings (m + 1,) [rad] with which the path comes to each join and leaves it."""
-        s = state.structure
-        heading_in, heading_out = np.full(len(s.joins), np.nan), np.full(len(s.joins), np.nan)
-        heading_out[state.leg], heading_in[state.leg + 1] = state.flight.heading.T
-        for i, piece in enumerate(s.pieces):
-            if piece.is_ride:
-                curve = self.diagram.curves.take([piece.border])
-                u = np.array([[self._u(s.joins[k], piece.border) for k in (i, i + 1)]])
-                span = curve.span[0]
-                t = curve.tangents(u)[0] * math.copysign(1.0, piece.sweep * (span[1] - span[0]))
-                heading_out[i], heading_in[i + 1] = np.arctan2(t[:, 1], t[:, 0])
-        return heading_in, heading_out
-
-    def kept_in_sectors(self, state: State) -> Structure:
-        """Legs that leave their cell as they meet a node get the border that they hit in between."""
-        s = state.structure
-        heading_in, heading_out = self.headings(state)
-        for i in range(len(s.joins) - 1, -1, -1):
-            if s.joins[i].node >= 0:
-                view = around(self.diagram, s.joins[i].node)
-                s = self._aside(state, s, i, view, heading_in[i], heading_out[i]) or s
-        return s
-
-    def released(self, state: State) -> Structure:
-        """Nodes with a kink passed on the side where the path is shorter."""
-        s = state.structure
-        heading_in, heading_out = self.headings(state)
-        for i in range(len(s.joins) - 1, -1, -1):
-            if s.joins[i].kind is Kind.NODE:
-                view = around(self.diagram, s.joins[i].node)
-                s = self._release(state, s, i, view, heading_in[i], heading_out[i])
-        return s
-
-    def _aside(
-        self, state: State, s: Structure, i: int, view: Around, heading_in: float, heading_out: float
-    ) -> Structure | None:
-        """Where a leg leaves its own cell as it meets the node, the border that it hits is put in between."""
-        if i > 0 and not s.pieces[i - 1].is_ride:
-            back = heading_in + math.pi
-            sector = view.sector_of(s.pieces[i - 1].cell, back)
-            side = self._hit(view, sector, back)
-            if sector is not None and side is not None:
-                join, pieces = self._put_between(state, i - 1, s.pieces[i - 1], view, sector, side)
-                return s.spliced(i - 1, i, [join], pieces)
-        if i < len(s.pieces) and not s.pieces[i].is_ride:
-            sector = view.sector_of(s.pieces[i].cell, heading_out)
-            side = self._hit(view, sector, heading_out)
-            if sector is not None and side is not None:
-                join, pieces = self._put_between(state, i, s.pieces[i], view, sector, side)
-                if join.kind is Kind.ATTACH:
-                    join = replace(join, kind=Kind.LEAVE)
-                    pieces = [replace(pieces[1], sweep=-pieces[1].sweep), pieces[0]]
-                else:
-                    pieces = pieces[::-1]
-                return s.spliced(i, i + 1, [join], pieces)
-        return None
-
-    def _hit(self, view: Around, sector: int | None, angle: float) -> int | None:
-        """The border that a leg hits as it meets a node, because it leaves its sector there.
-
-        None where it stays, and where it may leave: at the greatest speed all cells are alike.
-        """
-        if sector is None or view.outside(sector, angle) <= ASIDE:
-            return None
-        side = view.nearest_side(sector, angle)
-        return None if self._is_flat(view.node) and not self.rideable[view.border[side]] else side
-
-    def _is_flat(self, node: int) -> bool:
-        return bool(self.diagram.node_distance[node] >= self.cap * (1.0 - 1e-9))
-
-    def _through_flat(
-        self, s: Structure, i: int, view: Around, back: float, ahead: float
-    ) -> Structure | None:
-        """Two legs at a node where the speed is greatest, not both in their sectors: one, or two that cross a border."""
-        before, after = s.pieces[i - 1], s.pieces[i]
-        if before.is_ride or after.is_ride:
-            return None
-        sectors = [view.sector_of(p.cell, angle) for p, angle in ((before, back), (after, ahead))]
-        if all(k is not None and view.outside(k, a) <= ASIDE for k, a in zip(sectors, (back, ahead), strict=True)):
-            return None
-        if before.cell == after.cell:
-            return s.spliced(i - 1, i + 1, [], [replace(before, sweep=before.sweep + after.sweep)])
-        for j, border in enumerate(view.border):
-            if {view.cell[j - 1], view.cell[j]} == {before.cell, after.cell}:
-                u, _ = self._near(border, view.end[j], 1e-3 * float(self.diagram.node_distance[view.node]))
-                return s.with_join(i, Join(Kind.CROSS, border, u))
-        return None
-
-    def _put_between(
-        self, state: State, i: int, leg: Piece, view: Around, sector: int, side: int
-    ) -> tuple[Join, list[Piece]]:
-        """A join on border `side` of the node, and the two pieces of a leg that comes in to the node."""
-        border, end = view.border[side], view.end[side]
-        length = float(np.hypot(*(state.place[i + 1] - state.place[i])))
-        u, toward = self._near(border, end, 0.3 * length)
-        if self.rideable[border]:
-            return Join(Kind.ATTACH, border, u), [leg, Piece(border=border, sweep=toward)]
-        across = view.cell[side] if side != sector else view.cell[(side - 1) % len(view)]
-        return Join(Kind.CROSS, border, u), [leg, Piece(cell=across)]
-
-    def _near(self, border: int, end: int, distance: float) -> tuple[float, float]:
-        """Parameter about `distance` [m] from an end of a border, at most halfway; sign of u towards that end."""
-        curve = self.diagram.curves.take([border])
-        here, there = curve.span[0, end], curve.span[0, 1 - end]
-        stretch = math.hypot(1.0, here / curve.size[0]) if curve.kind[0] == PARABOLA else 1.0
-        step = max(min(distance / stretch, 0.5 * abs(there - here)), 2.0 * EDGE)
-        sign = math.copysign(1.0, there - here)
-        return float(here + sign * step), -sign
-
-    def _release(
-        self, state: State, s: Structure, i: int, view: Around, heading_in: float, heading_out: float
-    ) -> Structure:
-        before, after = s.pieces[i - 1], s.pieces[i]
-        back = (heading_in + math.pi) % TURN
-        width = (heading_out - back) % TURN
-        if abs(width - math.pi) <= SMOOTH:
-            return s
-        if self._is_flat(view.node):
-            flat = self._through_flat(s, i, view, back, heading_out)
-            if flat is not None:
-                return flat
-        counter = width < math.pi
-        crossed, sectors = _way_round(view, before, after, back, heading_out, counter)
-        opening = width if counter else TURN - width
-        lengths = [float(np.hypot(*(state.place[k + 1] - state.place[k]))) for k in (i - 1, i)]
-        reach = 0.4 * min([x for x in lengths if x > 0.0] or [0.1])
-        # a leg bends by about its length over the distance to the feature: by a small kink it leaves a ride for
-        # a short way only
-        nearest = float(self.diagram.node_distance[view.node])
-        bend = min(0.5, abs(width - math.pi)) if before.is_ride or after.is_ride else 0.5
-        reach = min(reach, max(bend, 1e-6) * nearest)
-        angles = [(view.angle[j] - back) % TURN for j in crossed]
-        angles = angles if counter else [TURN - angle for angle in angles]
-        depth = [max(math.cos(0.5 * opening) / max(math.cos(a - 0.5 * opening), 0.05), 1e-6) for a in angles]
-        # all at one scale, so that the chord stays a chord where a border is short
-        room = [0.5 * float(self.diagram.curves.take([view.border[j]]).length[0]) for j in crossed]
-        reach = min([reach, *(r / d for r, d in zip(room, depth, strict=True))])
-        joins: list[Join] = []
-        pieces: list[Piece] = []
-        if before.is_ride:
-            u, _ = self._near(before.border, _end_at(view, before.border), reach)
-            joins.append(Join(Kind.LEAVE, before.border, u))
-            pieces.append(before)
-        if len(crossed) == 2 and self._is_chain(view, crossed):
-            # two arcs that are one curve: a geodesic is not crossed twice, so the path follows it
-            (one, other), node = crossed, s.joins[i]
-            u0, toward = self._near(view.border[one], view.end[one], reach)
-            u1, back_toward = self._near(view.border[other], view.end[other], reach)
-            joins += [Join(Kind.ATTACH, view.border[one], u0), node, Join(Kind.LEAVE, view.border[other], u1)]
-            pieces += [
-                Piece(cell=sectors[0]),
-                Piece(border=view.border[one], sweep=toward),
-                Piece(border=view.border[other], sweep=-back_toward),
-                Piece(cell=sectors[2]),
-            ]
-        else:
-            for k, j in enumerate(crossed):
-                u, _ = self._near(view.border[j], view.end[j], reach * depth[k])
-                joins.append(Join(Kind.CROSS, view.border[j], u))
-                pieces.append(Piece(cell=sectors[k]))
-            pieces.append(Piece(cell=sectors[-1]))
-        if after.is_ride:
-            u, _ = self._near(after.border, _end_at(view, after.border), reach)
-            joins.append(Join(Kind.ATTACH, after.border, u))
-            pieces.append(after)
-        # what remains of the legs before and after goes round an isolated point as they did
-        for k, old in ((0, before), (-1, after)):
-            if not old.is_ride:
-                pieces[k] = replace(pieces[k], sweep=pieces[k].sweep + old.sweep)
-        return s.spliced(i - 1, i + 1, joins, pieces)
-
-    def _is_chain(self, view: Around, crossed: list[int]) -> bool:
-        one, other = crossed
-        rides = self.rideable[view.border[one]] and self.rideable[view.border[other]]
-        turn = (view.angle[one] - view.angle[other]) % TURN
-        return bool(rides) and abs(turn - math.pi) <= CHAIN
-
-
-def _way_round(
-    view: Around, before: Piece, after: Piece, back: float, ahead: float, counter: bool
-) -> tuple[list[int], list[int]]:
-    """Borders crossed on one side of a node from piece to piece, and the cells before, between and after."""
-    count = len(view)
-    position = []  # of both pieces, in half steps: border j at 2 j, sector j at 2 j + 1
-    for piece, angle in ((before, back), (after, ahead)):
-        if piece.is_ride:
-            position.append(2 * view.border.index(piece.border))
-        else:
-            sector = view.sector_of(piece.cell, angle)
-            position.append(2 * (0 if sector is None else sector) + 1)
-    step = 1 if counter else -1
-    crossed, sectors = [], []
-    here, last = position
-    if here == last:  # one sector: none crossed if `ahead` follows `back` in this direction, else all
-        start = view.angle[here // 2]
-        gain = (ahead - start) % TURN - (back - start) % TURN
-        if gain * step >= 0.0:
-            return [], [view.cell[here // 2]]
-    if here % 2 == 1:
-        sectors.append(view.cell[here // 2])
-    while True:
-        here = (here + step) % (2 * count)
-        if here == last:
-            if here % 2 == 1:
-                sectors.append(view.cell[here // 2])
-            break
-        if here % 2 == 1:
-            sectors.append(view.cell[here // 2])
-        else:
-            crossed.append(here // 2)
-    return crossed, sectors
-
-
-def _end_at(view: Around, border: int) -> int:
-    return view.end[view.border.index(border)]
-
-
-def _without_piece(s: Structure, i: int) -> Structure:
-    """Piece i between two joins at the same node dropped, and one of the joins with it."""
-    one, other = s.joins[i], s.joins[i + 1]
-    kept = one if one.kind is Kind.END else other
-    return Structure((*s.joins[:i], kept, *s.joins[i + 2 :]), (*s.pieces[:i], *s.pieces[i + 1 :]))
-
-
-def _sum(s: Structure, first: int, last: int, cell: int) -> float:
-    """Total sweep of the legs from piece `first` to piece `last` in one cell."""
-    return sum(s.pieces[k].sweep for k in range(first, last + 1) if s.pieces[k].cell == cell)

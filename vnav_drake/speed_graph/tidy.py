@@ -1,0 +1,156 @@
+"""Patterns in a structure that are never optimal, taken out without looking at the path.
+
+See `surgery` for why an optimal path meets an arc once.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vnav_drake.speed_graph.newton import OVERLAP
+from vnav_drake.speed_graph.structure import Join, Kind, Piece, Structure, parameter_on
+from vnav_drake.voronoi import VoronoiDiagram
+
+
+@dataclass(frozen=True)
+class Tidier:
+    """Rules for one diagram."""
+
+    diagram: VoronoiDiagram
+    rideable: NDArray[np.bool_]  # (m,) borders that a path can follow
+    cap: float = math.inf  # [m] distance from which on the speed is greatest
+
+    def tidied(self, structure: Structure) -> Structure:
+        """Joins that do nothing removed."""
+        while True:
+            for i in range(len(structure.pieces)):
+                shorter = self._tidy_at(structure, i)
+                if shorter is not None:
+                    structure = shorter
+                    break
+            else:
+                return structure
+
+    def _tidy_at(self, s: Structure, i: int) -> Structure | None:
+        """One pattern around piece i removed, or None."""
+        one, other, piece = s.joins[i], s.joins[i + 1], s.pieces[i]
+        if piece.is_ride:
+            return self._tidy_ride(s, i)
+        if self._goes_round(piece):
+            return None
+        if one.node >= 0 and one.node == other.node:
+            return _without_piece(s, i)
+        if one.kind is Kind.CROSS and other.kind is Kind.CROSS and one.border == other.border:
+            return s.spliced(
+                i - 1,
+                i + 2,
+                [],
+                [replace(s.pieces[i - 1], sweep=_sum(s, i - 1, i + 1, s.pieces[i - 1].cell))],
+            )
+        if (
+            (one.border >= 0 and one.border == other.border)
+            or self._touches(one, other)
+            or self._touches(other, one)
+        ):
+            return self._along_border(s, i)
+        return None
+
+    def _goes_round(self, piece: Piece) -> bool:
+        """Whether a leg runs more than half round an isolated point: what is left out then has a hole in it."""
+        vertex = piece.cell - 2 * len(self.diagram.world.edges)
+        return vertex >= 0 and vertex in self._lone and abs(piece.sweep) > math.pi
+
+    @cached_property
+    def _lone(self) -> frozenset[int]:
+        return frozenset(self.diagram.world.isolated.tolist())
+
+    def _touches(self, node: Join, other: Join) -> bool:
+        """Whether a node is an end of the border of another join."""
+        return node.node >= 0 and other.border >= 0 and node.node in self.diagram.ends[other.border]
+
+    def _along_border(self, s: Structure, i: int) -> Structure | None:
+        """A leg between two joins of one border: the border itself is shorter."""
+        one, other = s.joins[i], s.joins[i + 1]
+        border = other.border if (one.node >= 0 and one.kind is Kind.NODE) or one.border < 0 else one.border
+        if one.border == other.border:
+            border = one.border
+        if not self.rideable[border]:
+            # along a border between cells of one obstacle: the leg on its other side is as good
+            if other.kind is Kind.CROSS and other.border == border:
+                return s.spliced(
+                    i, i + 2, [], [replace(s.pieces[i + 1], sweep=_sum(s, i, i + 1, s.pieces[i + 1].cell))]
+                )
+            if one.kind is Kind.CROSS and one.border == border:
+                return s.spliced(
+                    i - 1,
+                    i + 1,
+                    [],
+                    [replace(s.pieces[i - 1], sweep=_sum(s, i - 1, i, s.pieces[i - 1].cell))],
+                )
+            return None
+        u0, u1 = self._u(one, border), self._u(other, border)
+        ride = Piece(border=border, sweep=math.copysign(1.0, u1 - u0))
+        joins: list[Join] = []
+        pieces: list[Piece] = []
+        first, last = i, i + 1
+        # the near side
+        if one.kind is Kind.LEAVE:
+            first, ride = i - 1, replace(ride, sweep=s.pieces[i - 1].sweep)
+        elif one.kind is Kind.CROSS:
+            first = i - 1
+            pieces.append(s.pieces[i - 1])
+            joins.append(replace(one, kind=Kind.ATTACH))
+        pieces.append(ride)
+        if other.kind is Kind.ATTACH:
+            last = i + 2
+        elif other.kind is Kind.CROSS:
+            joins.append(replace(other, kind=Kind.LEAVE))
+            pieces.append(s.pieces[i + 1])
+            last = i + 2
+        return s.spliced(first, last, joins, pieces)
+
+    def _u(self, join: Join, border: int) -> float:
+        return parameter_on(self.diagram, join, border)
+
+    def _tidy_ride(self, s: Structure, i: int) -> Structure | None:
+        """A ride of no length between fixed joins, two rides in a row on one border, or one that runs backwards."""
+        one, other, ride = s.joins[i], s.joins[i + 1], s.pieces[i]
+        if one.node >= 0 and one.node == other.node and one.border != ride.border:
+            return _without_piece(s, i)
+        if i + 1 < len(s.pieces) and s.pieces[i + 1].border == ride.border:
+            return s.spliced(i, i + 2, [], [ride])
+        gain = ride.sweep * (self._u(other, ride.border) - self._u(one, ride.border))
+        return self.without_ride(s, i) if gain < -OVERLAP else None
+
+    def without_ride(self, s: Structure, i: int) -> Structure | None:
+        """Ride i taken out: a crossing where it led from cell to cell. None when both its ends are fixed."""
+        one, other = s.joins[i], s.joins[i + 1]
+        loose_one, loose_other = one.kind is Kind.ATTACH, other.kind is Kind.LEAVE
+        if loose_one and loose_other:
+            before, after = s.pieces[i - 1], s.pieces[i + 1]
+            if before.cell == after.cell:
+                return s.spliced(i - 1, i + 2, [], [replace(before, sweep=before.sweep + after.sweep)])
+            middle = replace(one, kind=Kind.CROSS, u=0.5 * (one.u + other.u))
+            return s.spliced(i - 1, i + 2, [middle], [before, after])
+        if loose_other:  # from a fixed join straight away
+            return s.spliced(i, i + 2, [], [s.pieces[i + 1]])
+        if loose_one:
+            return s.spliced(i - 1, i + 1, [], [s.pieces[i - 1]])
+        return None
+
+
+def _without_piece(s: Structure, i: int) -> Structure:
+    """Piece i between two joins at the same node dropped, and one of the joins with it."""
+    one, other = s.joins[i], s.joins[i + 1]
+    kept = one if one.kind is Kind.END else other
+    return Structure((*s.joins[:i], kept, *s.joins[i + 2 :]), (*s.pieces[:i], *s.pieces[i + 1 :]))
+
+
+def _sum(s: Structure, first: int, last: int, cell: int) -> float:
+    """Total sweep of the legs from piece `first` to piece `last` in one cell."""
+    return sum(s.pieces[k].sweep for k in range(first, last + 1) if s.pieces[k].cell == cell)
