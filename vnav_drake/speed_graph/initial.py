@@ -17,6 +17,8 @@ from vnav_drake.voronoi import VoronoiDiagram
 
 Array = NDArray[np.float64]
 
+RADIAL = 1e-6  # [rad]
+
 
 def structure_of(problem: Problem, cut: CutDiagram, chart: Chart, route: Route) -> Structure:
     """The structure of a route in the diagram restricted to the robot's level, which `cut` was made from."""
@@ -104,4 +106,5 @@ def _sweep(chart: Chart, cell: int, turn: int, start: Array, end: Array) -> floa
     vertex = chart.world.vertices[cell - 2 * len(chart.world.edges)]
     a, b = start - vertex, end - vertex
     angle = math.atan2(a[0] * b[1] - a[1] * b[0], float(a @ b))
-    return turn * ((turn * angle) % (2.0 * math.pi))
+    # a radial leg sweeps nothing, up to rounding
+    return turn * ((turn * angle + RADIAL) % (2.0 * math.pi) - RADIAL)

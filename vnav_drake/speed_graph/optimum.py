@@ -150,8 +150,24 @@ class ClassSolver:
             border, u = found
             step = points[row, min(k + 1, points.shape[1] - 1)] - points[row, max(k - 1, 0)]
             tangent = self.diagram.curves.take([border]).tangents(np.array([u]))[0]
-            structure = self.surgeon.touched(structure, i, border, u, float(step @ tangent))
+            structure = self.surgeon.touched(
+                structure,
+                i,
+                border,
+                u,
+                float(step @ tangent),
+                self._swept(structure.pieces[i].cell, points[row, : k + 1], state.place[i]),
+            )
         return structure
+
+    def _swept(self, cell: int, points: Array, start: Array) -> float:
+        """Angle [rad] swept around the vertex of a cell from `start` along points (k, 2); zero near walls."""
+        vertex = cell - 2 * len(self.chart.world.edges)
+        if vertex < 0:
+            return 0.0
+        offset = np.concatenate([start[None], points]) - self.chart.world.vertices[vertex]
+        angle = np.unwrap(np.arctan2(offset[:, 1], offset[:, 0]))
+        return float(angle[-1] - angle[0])
 
     def _ridge_at(self, cell: int, point: Array) -> tuple[int, float] | None:
         """The Voronoi arc of a cell nearest to a point, and the parameter there."""

@@ -22,7 +22,7 @@ UPRIGHT = 1e-3  # cosines below this do not tell which way a path runs along a b
 
 @dataclass(frozen=True)
 class Surgeon(NodeRules):
-    """All rules; each returns the structure that follows, with the same signature if it has nothing to change."""
+    """All rules; each returns the structure that follows, of the same signature if nothing changes."""
 
     def tidied_state(self, state: State) -> Structure:
         """The structure of a state without joins that do nothing where they lie now."""
@@ -75,9 +75,13 @@ class Surgeon(NodeRules):
         pair = [replace(join, kind=Kind.ATTACH), replace(join, kind=Kind.LEAVE)]
         return s.spliced(i - 1, i + 1, pair, [s.pieces[i - 1], ride, s.pieces[i]])
 
-    def touched(self, s: Structure, i: int, border: int, u: float, forward: float) -> Structure:
-        """Leg i touches a border of its cell at u: a ride of no length there."""
+    def touched(self, s: Structure, i: int, border: int, u: float, forward: float, swept: float) -> Structure:
+        """Leg i, having `swept` part of its way, touches a border of its cell at u: a ride of no length."""
         span = self.diagram.curves.span[border]
         ride = Piece(border=border, sweep=math.copysign(1.0, forward * (span[1] - span[0])))
         pair = [Join(Kind.ATTACH, border, u), Join(Kind.LEAVE, border, u)]
-        return s.spliced(i, i + 1, pair, [s.pieces[i], ride, s.pieces[i]])
+        before, after = (
+            replace(s.pieces[i], sweep=swept),
+            replace(s.pieces[i], sweep=s.pieces[i].sweep - swept),
+        )
+        return s.spliced(i, i + 1, pair, [before, ride, after])

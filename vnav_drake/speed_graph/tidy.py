@@ -61,7 +61,7 @@ class Tidier:
         return None
 
     def _goes_round(self, piece: Piece) -> bool:
-        """Whether a leg runs more than half round an isolated point: what is left out then has a hole in it."""
+        """Whether a leg runs more than half round an isolated point: to cut it short would cross the point."""
         vertex = piece.cell - 2 * len(self.diagram.world.edges)
         return vertex >= 0 and vertex in self._lone and abs(piece.sweep) > math.pi
 
@@ -118,7 +118,7 @@ class Tidier:
         return parameter_on(self.diagram, join, border)
 
     def _tidy_ride(self, s: Structure, i: int) -> Structure | None:
-        """A ride of no length between fixed joins, two rides in a row on one border, or one that runs backwards."""
+        """A ride of no length between fixed joins, two rides in a row on one border, or a backward one."""
         one, other, ride = s.joins[i], s.joins[i + 1], s.pieces[i]
         if one.node >= 0 and one.node == other.node and one.border != ride.border:
             return _without_piece(s, i)
