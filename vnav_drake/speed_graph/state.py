@@ -92,7 +92,7 @@ class Evaluator:
         residual[attach] = _wrapped(heading_in - onward)[attach]
         residual[leave] = _wrapped(heading_out - onward)[leave]
         jacobian = self._jacobian(joins, leg, flight)
-        diagonal = self._diagonal(structure, jacobian)
+        diagonal = self._diagonal(structure, residual, jacobian)
         bound = self._pushed(joins, residual, diagonal)
         return State(
             structure,
@@ -136,11 +136,12 @@ class Evaluator:
         """Where a join lies on a border that it is on."""
         return parameter_on(self.diagram, join, border)
 
-    def _diagonal(self, structure: Structure, jacobian: Array) -> Array:
+    def _diagonal(self, structure: Structure, residual: Array, jacobian: Array) -> Array:
         """(m + 1,) derivative of each residual by its own join, with the sign that it must have.
 
         A leg on the wrong side of its ride wants a longer ride, one on the right side a shorter one. The
-        raw leg may say otherwise where it passes another border on its way.
+        raw leg may say otherwise where it passes another border on its way. A leg that runs back along the
+        ride wants a shorter one whatever its side.
         """
         out = jacobian.diagonal().copy()
         for i, join in enumerate(structure.joins):
@@ -149,9 +150,10 @@ class Evaluator:
                 leg = structure.pieces[i - 1 if join.kind is Kind.ATTACH else i]
                 span = self.span[join.border]
                 left = self.diagram.cells[join.border, 0 if ride.sweep * (span[1] - span[0]) > 0.0 else 1]
-                out[i] = math.copysign(
-                    max(abs(out[i]), FLAT), ride.sweep * (1.0 if leg.cell == left else -1.0)
-                )
+                side = 1.0 if leg.cell == left else -1.0
+                if abs(residual[i]) > 0.5 * math.pi:
+                    side = math.copysign(1.0, residual[i]) * (1.0 if join.kind is Kind.LEAVE else -1.0)
+                out[i] = math.copysign(max(abs(out[i]), FLAT), ride.sweep * side)
         return out
 
     def _pushed(self, joins: Sequence[Join], residual: Array, diagonal: Array) -> Array:
