@@ -125,7 +125,9 @@ class Tidier:
         if i + 1 < len(s.pieces) and s.pieces[i + 1].border == ride.border:
             return s.spliced(i, i + 2, [], [ride])
         gain = ride.sweep * (self._u(other, ride.border) - self._u(one, ride.border))
-        return self.without_ride(s, i) if gain < -OVERLAP else None
+        fixed = one.kind is not Kind.ATTACH or other.kind is not Kind.LEAVE
+        backward = gain < -OVERLAP or (fixed and gain <= OVERLAP)
+        return self.without_ride(s, i) if backward else None
 
     def without_ride(self, s: Structure, i: int) -> Structure | None:
         """Ride i taken out: a crossing where it led from cell to cell. None when both its ends are fixed."""
