@@ -4,6 +4,8 @@
 #   make test     all tests               make test ARGS="-k world"
 #   make lint     ruff and mypy
 #   make gallery  every scenario          make bench    speed against peers
+#   make study    how graphs rank homotopy classes, on 1,000 random worlds (half an hour; goes on where it stopped)
+#   make figures  those of docs/speed_graph.md
 #   make clean    removes environment, caches and reports
 #
 # PYTHON=... chooses the interpreter (3.11, 3.12 or 3.13), VENV=... the place of the environment.
@@ -29,7 +31,7 @@ export OMP_NUM_THREADS ?= 1
 STAMP := $(VENV)/.installed
 STALE := $(shell tools/set-up --check "$(VENV)" "$(PYTHON)" || echo stale)
 
-.PHONY: help demo test lint gallery bench clean setup
+.PHONY: help demo test lint gallery bench study figures clean setup
 ifneq ($(STALE),)
 .PHONY: $(STAMP)
 endif
@@ -62,6 +64,12 @@ lint: $(STAMP)
 
 bench: $(VENV)/.installed-bench
 	$(RUN) benchmarks $(ARGS)
+
+study: $(STAMP)
+	$(RUN) benchmarks.ranking --worlds 1000 --out reports/ranking.jsonl --summary docs/data/ranking.json $(ARGS)
+
+figures: $(STAMP)
+	$(RUN) benchmarks.figures
 
 clean:
 	rm -rf "$(VENV)" build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -13,7 +13,7 @@ import sys
 
 import benchmarks
 
-NOT_HERE = {"ranking", "random_worlds"}  # a study, and what it draws from
+NOT_HERE = {"ranking", "random_worlds", "figures"}  # a study, what it draws from, and pictures
 
 
 def main(wanted: list[str]) -> int:
