@@ -31,6 +31,8 @@ LEGS = 2.0  # legs up to this many times longer look alike
 BACKTRACKS = 5
 SHRINK = 0.35
 WORSE = 1.2  # a step may let the residual grow by this factor
+SLOW = 0.9  # a residual that shrinks by less hardly changes
+STUBBORN = 3  # rounds of that until steps are cut: kinks may jump where a leg meets the greatest speed
 LOST = 0.5  # [rad]: from larger residuals any step will do
 IMPROVED = 0.7  # a doubtful step must make the residual smaller by this factor
 SHORTEST = 1e-9  # [m]: legs shorter than this have met
@@ -76,6 +78,8 @@ class Solver(Evaluator):
         count = int(block.max(initial=-1)) + 1
         trust = np.full(count, REACH)
         resting = np.zeros(count, dtype=bool)  # converged as far as rounding lets it, or ended by an event
+        slow = np.zeros(count, dtype=np.int64)  # rounds since the residual was last clearly less than ever
+        least = np.full(count, np.inf)
         closing: set[int] = set()
         met = np.zeros(len(structure.joins))
         for rounds in range(ITERATIONS):
@@ -84,7 +88,9 @@ class Solver(Evaluator):
             moving = ~resting & (error > RESIDUAL)
             if not moving.any():
                 break
-            tried = self._attempt(state, block, moving, error, trust, rounds > PATIENCE)
+            stubborn = (slow >= STUBBORN) & (error < BENT)
+            allowed = np.where(stubborn, SLOW * least, WORSE * error)
+            tried = self._attempt(state, block, moving, error, allowed, trust, rounds > PATIENCE)
             if tried.turning:
                 closing.update(tried.turning)
                 sides = block[[k for i in tried.turning for k in (i, i + 1)]]
@@ -96,6 +102,8 @@ class Solver(Evaluator):
                 continue
             trial, after, cut = tried.state, tried.error, tried.cut
             better = after < error
+            slow = np.where(after < SLOW * least, 0, slow + 1)
+            least = np.minimum(least, after)
             trust = np.where(better, np.minimum(REACH, 2.0 * trust), np.maximum(0.5 * trust, LEAST_REACH))
             stalled = moving & (error < FINE) & ~better
             resting |= stalled
@@ -106,9 +114,16 @@ class Solver(Evaluator):
         return Settled(state, tuple(sorted(closing)), np.where(met != 0.0, met, state.bound))
 
     def _attempt(
-        self, state: State, block: Indices, moving: Mask, error: Array, trust: Array, patient: bool
+        self,
+        state: State,
+        block: Indices,
+        moving: Mask,
+        error: Array,
+        allowed: Array,
+        trust: Array,
+        patient: bool,
     ) -> _Attempt:
-        """One step of all blocks that are `moving`, each cut until its residual does not grow.
+        """One step of all blocks that are `moving`, each cut until its residual is not above what is `allowed`.
 
         Where Newton's step is doubtful and does not help, every join of the block takes its own step.
         """
@@ -140,7 +155,7 @@ class Solver(Evaluator):
                 step, turning = self._closing(state, step)
                 cut = np.where(astray, _cut(step / scale, block, trust), cut)
                 continue
-            bad = moving & (after > np.maximum(WORSE * error, FINE)) & (error <= LOST)
+            bad = moving & (after > np.maximum(allowed, FINE)) & (error <= LOST)
             if not bad.any():
                 break
             cut[bad] *= SHRINK
