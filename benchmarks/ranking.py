@@ -174,6 +174,7 @@ def summary(rows: Iterable[dict[str, Any]]) -> dict[str, Any]:
     if not rows:
         raise ValueError("no world with a path: nothing to say")
     three = np.array([c for r in rows for c in r["certified"]])
+    settled = np.array([all(r["certified"]) for r in rows])
     first = np.array([r["certified"][0] for r in rows])
     excess = np.array([e for r in rows for e in r["excess"]])
     refused: dict[str, int] = {}
@@ -195,6 +196,7 @@ def summary(rows: Iterable[dict[str, Any]]) -> dict[str, Any]:
         "certified_of_all": 1.0 - sum(r["uncertified"] for r in rows) / sum(r["refined"] for r in rows),
         "certified_of_three_best": float(three.mean()),
         "certified_best": float(first.mean()),
+        "worlds_with_three_certified": int(settled.sum()),
         "failed_of_three_best": reasons,
         "largest_bound_of_certified": max(
             (b for r in rows for b, c in zip(r["bound"], r["certified"], strict=True) if c), default=0.0
@@ -237,7 +239,7 @@ def _of_graph(rows: list[dict[str, Any]], graph: str) -> dict[str, Any]:
 
 def _place(order: list[float | None], time: float) -> float:
     """Place (from 1) of the class with this optimum in a graph's order; infinite when it is not there."""
-    at = [i for i, t in enumerate(order, start=1) if t is not None and t <= time * (1.0 + SAME)]
+    at = [i for i, t in enumerate(order, start=1) if t is not None and abs(t - time) <= SAME * time]
     return float(at[0]) if at else float("inf")
 
 
