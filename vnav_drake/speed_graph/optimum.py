@@ -7,8 +7,8 @@ led there does not matter: what is found is checked at the end.
 
 How far a path is from that geodesic (`Optimum.bound`). Derived: valid legs are geodesics, so the time T is
 f(x) = d(S, x_1) + ... + d(x_n, G) for the joins x_i, with d the distance in the universal cover, which is
-CAT(0). There f is convex, and f(y) is the least time T* for all y in order on the geodesic from S to G: so for
-y_i = S where the time T_i to join i is at most T / 2, and y_i = G elsewhere. By the first variation f changes
+CAT(0). There f is convex, and f(y) is the least time T* for all y in order on the geodesic from S to G: so if
+y_i = S where the time T_i to join i is at most T / 2, else y_i = G. By the first variation f changes
 from x towards y at least by -sum d(x_i, y_i) (w_i . (b_i + o_i)), with w_i, b_i, o_i the unit tangents at x_i
 towards y_i, back and onward; tangent planes are flat, as V is continuous across Voronoi arcs and nodes. At a
 kink gamma_i |b_i + o_i| = 2 sin(gamma_i / 2), and d(x_i, y_i) <= min(T_i, T - T_i), so by convexity
