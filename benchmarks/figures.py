@@ -1,6 +1,7 @@
 """The figures of docs/speed_graph.md: `python -m benchmarks.figures [DIRECTORY]`.
 
-All are drawn from what the planner computes now; the one of the study from docs/data/ranking.json.
+All are drawn from what the planner computes now; the one of the study from docs/data/ranking.json, from which
+the page's table of the study is written too.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -29,11 +31,14 @@ Array = NDArray[np.float64]
 
 ROOT = Path(__file__).parent.parent
 STUDY = ROOT / "docs" / "data" / "ranking.json"
+PAGE = ROOT / "docs" / "speed_graph.md"
+MARKS = "<!-- study: written by benchmarks.figures -->\n", "<!-- end of study -->\n"
+GRAPHS = {"sampled": "sampled graph", "published": "published graph", "voronoi": "Voronoi route"}
 INK, FLOOR, SOLID = "#333333", "#ffffff", "#bdbdbd"
 # Okabe and Ito 2008, "Color Universal Design"
 BLUE, ORANGE, GREEN, RED, SKY, PINK = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7"
 MOST_EDGES = 1500  # of a graph, drawn
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "font.family": "DejaVu Sans",
     "svg.hashsalt": "vnav-drake",
@@ -101,7 +106,7 @@ def strips(result: SpeedGraphResult, problem: Problem) -> Figure:
     wall = int(np.flatnonzero(~cells.at_point)[np.argmax((cells.high - cells.low)[~cells.at_point])])
     lone = int(np.flatnonzero(cells.isolated)[0])
     for name, strip, colour in (("wall", wall, SKY), ("point", lone, ORANGE)):
-        theta = np.linspace(cells.low[strip] + 1e-9, cells.high[strip] - 1e-9, 721)
+        theta = np.linspace(cells.low[strip] + 1e-9, cells.high[strip] - 1e-9, 241)
         index = np.full(theta.shape, strip)
         ridge = cells.height(index, theta)
         rim = cells.points(index[:1], theta[None], ridge[None])[0]
@@ -186,8 +191,7 @@ def ranking() -> Figure:
     study = json.loads(STUDY.read_text(encoding="utf-8"))
     figure = Figure(figsize=(7.2, 2.9), layout="constrained")
     share, regret = figure.subplots(1, 2)
-    names = {"sampled": "sampled graph", "published": "published graph", "voronoi": "Voronoi route"}
-    for (graph, name), colour, marker in zip(names.items(), (BLUE, GREEN, ORANGE), "os^", strict=True):
+    for (graph, name), colour, marker in zip(GRAPHS.items(), (BLUE, GREEN, ORANGE), "os^", strict=True):
         row = study["graphs"][graph]
         k = [int(n) for n in row["best_within"]]
         share.plot(
@@ -201,6 +205,48 @@ def ranking() -> Figure:
     share.legend(frameon=False, loc="lower right")
     regret.set(xlabel="worlds in which it is not the first", ylabel="first class slower by [%]")
     return figure
+
+
+def study_text(study: dict[str, Any]) -> str:
+    """What the page says of the study, from its aggregates."""
+    low, middle, high = study["vertices"]
+    kinds = ", ".join(f"{n} {family}" for family, n in study["families"].items())
+    failed = ", ".join(f"`{name}` {n}" for name, n in study["failed_of_three_best"].items()) or "none"
+    refused = ", ".join(f"{n} {name}" for name, n in study["refused"].items()) or "none"
+    lines = [
+        f"{study['worlds']} worlds ({kinds}; {low} to {high} vertices, median {middle});"
+        f" refused by name: {refused}; crashed or hung: {study['crashed_or_hung']}."
+        f" {study['classes_refined']} classes refined, {_percent(study['certified_of_all'])} certified;"
+        f" of the three best of each world {_percent(study['certified_of_three_best'])}"
+        f" (conditions that failed: {failed});"
+        f" largest relative bound of a certified one {study['largest_bound_of_certified']:.0e}.",
+        "",
+        "| ranked by | first class is the fastest | among first 2 | first 3 | three fastest among first 3"
+        " | first 6 | first is slower by, when wrong: median, largest |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for graph, name in GRAPHS.items():
+        row = study["graphs"][graph]
+        best, three, regret = row["best_within"], row["three_best_within"], row["regret"]
+        shares = [best["1"], best["2"], best["3"], three["3"], three["6"]]
+        cells = " | ".join(_percent(share) for share in shares)
+        lines.append(
+            f"| {name} | {cells} | {_percent(regret['median_when_wrong'])}, {_percent(regret['max'])} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %"
+
+
+def with_study(page: str, study: dict[str, Any]) -> str:
+    """The page with what it says of the study written anew. Raises ValueError where its marks are missing."""
+    begin, end = MARKS
+    if page.count(begin) != 1 or page.count(end) != 1:
+        raise ValueError(f"{PAGE.name} needs one line each {begin.strip()!r} and {end.strip()!r}")
+    before, after = page.partition(begin)[0], page.partition(end)[2]
+    return f"{before}{begin}\n{study_text(study)}\n{end}{after}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -225,6 +271,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             path = folder / f"speed_graph_{name}.svg"
             draw().savefig(path, facecolor="white", dpi=130, metadata={"Date": None})
             print(f"{path}: {path.stat().st_size // 1024} kB")
+    page, study = PAGE.read_text(encoding="utf-8"), json.loads(STUDY.read_text(encoding="utf-8"))
+    PAGE.write_text(with_study(page, study), encoding="utf-8")
     return 0
 
 

@@ -129,6 +129,7 @@ def run(seeds: Sequence[int], out: Path, jobs: int) -> None:
     done = {row["seed"] for row in rows_of(out)}
     open_seeds = [s for s in seeds if s not in done]
     out.parent.mkdir(parents=True, exist_ok=True)
+    _drop_cut_row(out)
     begin = time.monotonic()
     with out.open("a", encoding="utf-8") as file, ProcessPoolExecutor(jobs) as pool:
         waiting: dict[Future[dict[str, Any]], int] = {}
@@ -158,12 +159,20 @@ def _say(done: int, of: int, begin: float, count: int) -> None:
         print(f"\r{done} of {of} worlds, {left / 60.0:.0f} min left ", end=end, file=sys.stderr, flush=True)
 
 
+def _drop_cut_row(out: Path) -> None:
+    """Remove a last row that was not written to its end."""
+    if out.exists():
+        text = out.read_bytes()
+        if not text.endswith(b"\n"):
+            out.write_bytes(text[: text.rfind(b"\n") + 1])
+
+
 def rows_of(out: Path) -> list[dict[str, Any]]:
     """Rows written so far, by seed; a last row that is not whole is left out."""
     if not out.exists():
         return []
     lines = out.read_text(encoding="utf-8").splitlines(keepends=True)
-    rows = [json.loads(line) for line in lines if line.endswith("}\n")]
+    rows = [json.loads(line) for line in lines if line.endswith("\n")]
     return sorted(rows, key=lambda row: row["seed"])
 
 
