@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vnav_drake.homotopy import Gates
+from vnav_drake.homotopy import Gates, word_of
 from vnav_drake.plan import Path
 from vnav_drake.problem import PlanningError, Problem
 from vnav_drake.speed_graph.geometry import arc_path, polyline, sampled_pieces
@@ -108,17 +108,16 @@ def refine(problem: Problem, solver: ClassSolver, gates: Gates, route: Route) ->
     """The optimum of a route's class; the route itself, with its bound, where none could be certified."""
     start = structure_of(problem, solver.cut, solver.chart, route)
     found = solver.optimum(start)
-    points = polyline(solver.solver, found.state)
+    path = arc_path(solver.solver, found.state)
     failed = found.failed
-    if POINT not in failed and gates.word(points) != route.word:
+    if POINT not in failed and word_of(gates, path) != route.word:
         failed = (*failed, CLASS)
     if failed and POINT not in failed:
         as_found = solver.as_it_is(start)
         if as_found.time < found.time or failed != found.failed or found.unsafe:
             # what is worth reporting is a path of this class that stays in its cells
             found = replace(as_found, history=found.history, rounds=found.rounds)
-            points = polyline(solver.solver, found.state)
-    path = arc_path(solver.solver, found.state)
+            path = arc_path(solver.solver, found.state)
     return ClassOptimum(
         rank=0,
         name=gates.name(route.word),
@@ -130,7 +129,7 @@ def refine(problem: Problem, solver: ClassSolver, gates: Gates, route: Route) ->
         certified=not failed,
         failed=failed,
         path=path,
-        points=points,
+        points=polyline(solver.solver, found.state),
         stuck=_stuck(solver, found),
         history=found.history,
     )

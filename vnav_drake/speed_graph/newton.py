@@ -123,7 +123,7 @@ class Solver(Evaluator):
         trust: Array,
         patient: bool,
     ) -> _Attempt:
-        """One step of all blocks that are `moving`, each cut until its residual is not above what is `allowed`.
+        """One step of all blocks that are `moving`, each cut until its residual is at most what is `allowed`.
 
         Where Newton's step is doubtful and does not help, every join of the block takes its own step.
         """

@@ -13,8 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav_drake.speed_graph.newton import OVERLAP
-from vnav_drake.speed_graph.structure import Join, Kind, Piece, Structure, parameter_on
+from vnav_drake.speed_graph.structure import Join, Kind, Piece, Structure, parameter_on, place_of
 from vnav_drake.voronoi import VoronoiDiagram
+
+Array = NDArray[np.float64]
+
+BORDER_SAMPLES = 65  # of a border, to follow the angle at which it is seen
 
 
 @dataclass(frozen=True)
@@ -41,11 +45,11 @@ class Tidier:
         one, other, piece = s.joins[i], s.joins[i + 1], s.pieces[i]
         if piece.is_ride:
             return self._tidy_ride(s, i)
-        if self._goes_round(piece):
-            return None
         if one.node >= 0 and one.node == other.node:
-            return _without_piece(s, i)
+            return _without_piece(s, i) if self._swept(piece, one, other) == 0.0 else None
         if one.kind is Kind.CROSS and other.kind is Kind.CROSS and one.border == other.border:
+            if self._goes_round(piece, one, other, one.border):
+                return None
             return s.spliced(
                 i - 1,
                 i + 2,
@@ -60,10 +64,35 @@ class Tidier:
             return self._along_border(s, i)
         return None
 
-    def _goes_round(self, piece: Piece) -> bool:
-        """Whether a leg runs more than half round an isolated point: to cut it short would cross the point."""
-        vertex = piece.cell - 2 * len(self.diagram.world.edges)
-        return vertex >= 0 and vertex in self._lone and abs(piece.sweep) > math.pi
+    def _goes_round(self, piece: Piece, one: Join, other: Join, border: int) -> bool:
+        """Whether a leg between two joins of a border passes an isolated point on its other side.
+
+        Both together then go round the point, and the border is no shorter way of the same class.
+        """
+        if not self._around_point(piece):
+            return False
+        curve = self.diagram.curves.take([border])
+        points = curve.points(
+            np.linspace(self._u(one, border), self._u(other, border), BORDER_SAMPLES)[None]
+        )[0]
+        offset = points - self._vertex(piece)
+        angle = np.unwrap(np.arctan2(offset[:, 1], offset[:, 0]))
+        return abs(float(angle[-1] - angle[0]) - self._swept(piece, one, other)) > math.pi
+
+    def _around_point(self, piece: Piece) -> bool:
+        return piece.cell - 2 * len(self.diagram.world.edges) in self._lone
+
+    def _vertex(self, piece: Piece) -> Array:
+        vertex: Array = self.diagram.world.vertices[piece.cell - 2 * len(self.diagram.world.edges)]
+        return vertex
+
+    def _swept(self, piece: Piece, one: Join, other: Join) -> float:
+        """Angle [rad] that a leg sweeps around an isolated point; zero in other cells."""
+        if not self._around_point(piece):
+            return 0.0
+        a, b = (place_of(self.diagram, join) - self._vertex(piece) for join in (one, other))
+        angle = math.atan2(a[0] * b[1] - a[1] * b[0], float(a @ b))
+        return angle + 2.0 * math.pi * round((piece.sweep - angle) / (2.0 * math.pi))
 
     @cached_property
     def _lone(self) -> frozenset[int]:
@@ -79,6 +108,8 @@ class Tidier:
         border = other.border if (one.node >= 0 and one.kind is Kind.NODE) or one.border < 0 else one.border
         if one.border == other.border:
             border = one.border
+        if self._goes_round(s.pieces[i], one, other, border):
+            return None
         if not self.rideable[border]:
             # along a border between cells of one obstacle: the leg on its other side is as good
             if other.kind is Kind.CROSS and other.border == border:
