@@ -106,6 +106,9 @@ def time_along(problem: Problem, path: Path) -> float:
 
     With s = h (1 - cos(pi t)) / 2 on an arc of length h the integrand stays smooth where V = sqrt(2 a s).
     """
+    ends = clearance_of(problem, np.column_stack([path.x, path.y]))
+    room = np.maximum(np.minimum(ends[1:], ends[:-1]), 1e-3)  # V changes over as short a way
+    path = path.subdivided(np.minimum(np.ceil(path.piece_length / room), 400).astype(np.int64))
     t = 0.5 + 0.5 * NODE
     ends = np.concatenate([[0.0], np.cumsum(path.piece_length)])
     s = ends[:-1, None] + path.piece_length[:, None] * (0.5 - 0.5 * np.cos(np.pi * t))
