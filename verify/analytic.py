@@ -21,6 +21,7 @@ from vnav_drake.speed_graph import ClassOptimum, SpeedGraphResult, as_plan, spee
 from vnav_drake.speed_profile import fastest_profile
 from vnav_drake.voronoi import VoronoiDiagram
 
+SLOWEST_SEED = 4.0  # classes this many times slower than the best do not seed the collocation
 SAME_HEADING = 1e-6  # [rad]: a path that begins or ends this near to the heading asked for has it
 
 
@@ -105,9 +106,15 @@ def run_speed_graph(
 
 
 def _seeds(method: str, classes: Sequence[ClassOptimum], gates: Gates) -> list[Seed]:
-    """One seed a class, under the class of its path: without a certificate it may have left its own."""
+    """One seed a class, under the class of its path: without a certificate it may have left its own.
+
+    Classes far slower than the best are ranked but not tried: they wind round obstacles, and cost the same.
+    """
     seeds: dict[str, Seed] = {}
+    limit = SLOWEST_SEED * min((optimum.travel_time for optimum in classes), default=0.0)
     for optimum in classes:
+        if optimum.travel_time > limit:
+            continue
         name = class_of(gates, optimum.path)
         seeds.setdefault(name, Seed(optimum.path, method, homotopy_class=name, as_mesh=False))
     return list(seeds.values())

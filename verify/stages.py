@@ -12,7 +12,7 @@ from verify.analytic import Analytic
 from verify.interruption import Interruption
 from vnav_drake.homotopy import Gates
 from vnav_drake.plan import Plan
-from vnav_drake.problem import NoPathError, PlanningError
+from vnav_drake.problem import NoClassError, NoPathError, PlanningError
 from vnav_drake.scenario import Scenario
 from vnav_drake.voronoi import VoronoiDiagram
 
@@ -61,7 +61,7 @@ class Stages:
 
         Raises
         ------
-        ScenarioError : there is no path for this robot.
+        ScenarioError : there is no path for this robot, or none through the gates that were asked for.
         """
         self.say(f"{self.scenario.name}: {name.replace('_', ' ')}")
         begun = time.perf_counter()
@@ -69,6 +69,8 @@ class Stages:
             return work()
         except NoPathError as error:
             raise self.scenario.error("goal.position", str(error)) from error
+        except NoClassError as error:
+            raise self.scenario.error("plan.through", str(error)) from error
         except (PlanningError, SimulationError) as error:
             self.interruption.check()
             self.done.missing.append(Missing(stage=name, reason=str(error)))

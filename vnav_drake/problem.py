@@ -23,6 +23,10 @@ class NoPathError(PlanningError):
     """No path exists for this robot between these ends: bad input, not a failure of a method."""
 
 
+class NoClassError(PlanningError):
+    """There are paths, but none through the gates that were asked for: bad input too."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class End:
     """Start or goal of the motion."""

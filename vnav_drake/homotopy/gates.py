@@ -168,6 +168,15 @@ class Gates:
                 passed += 1
         return passed == len(wanted)
 
+    def numbers_of(self, token: str) -> frozenset[int]:
+        """Gates (1-based, as in words) that a token stands for: several when it lacks the number it needs.
+
+        Raises
+        ------
+        ValueError : it is no passage of this world at this level; the message names the nearest ones.
+        """
+        return frozenset(row + 1 for row in self._rows(token))
+
     @cached_property
     def _halves(self) -> tuple[Array, Array, shapely.STRtree]:
         """Starts and ends (2 g, 2) of the two halves of each gate, from the right foot to the left."""

@@ -105,9 +105,7 @@ class Flight:
         return self.legs.time
 
 
-def fly(
-    chart: Chart, cell: Indices, position: Array, sweep: Array, *, hessian: bool = False, nodes: int = 16
-) -> Flight:
+def fly(chart: Chart, cell: Indices, position: Array, sweep: Array, *, hessian: bool = False) -> Flight:
     """Optimal legs in cells (n,) between positions (n, 2, 2) [m].
 
     `sweep` (n,) tells which way round an isolated point: the angle swept is the one nearest to it.
@@ -120,7 +118,7 @@ def fly(
     turn = 2.0 * np.pi * np.round((growth - sweep) / (2.0 * np.pi))
     lone = start.at_point & chart.lone[np.where(start.at_point, cell - 2 * len(chart.world.edges), 0)]
     growth = np.where(lone, growth - turn, growth)
-    legs = solve_legs(law, radius, start.at_point, d1, d2, np.abs(growth), hessian=hessian, nodes=nodes)
+    legs = solve_legs(law, radius, start.at_point, d1, d2, np.abs(growth), hessian=hessian)
     sign = np.where(growth < 0.0, -1.0, 1.0)
     heading = np.empty((len(cell), 2))
     for k, f in enumerate((start, end)):

@@ -14,7 +14,7 @@ from vnav_drake.problem import PlanningError, Problem
 from vnav_drake.speed_graph.geometry import arc_path, polyline, sampled_pieces
 from vnav_drake.speed_graph.initial import structure_of
 from vnav_drake.speed_graph.newton import Iteration
-from vnav_drake.speed_graph.optimum import CLASS, POINT, ClassSolver, Optimum
+from vnav_drake.speed_graph.optimum import CLASS, POINT, RESIDUAL, ClassSolver, Optimum
 from vnav_drake.speed_graph.route import Route
 
 Array = NDArray[np.float64]
@@ -23,6 +23,7 @@ Say = Callable[[str], None]
 
 SPARE = 2  # routes refined beyond those asked for, before the order is looked at
 DOUBT = 1.5  # the graph may overestimate an unseen class by this much more than any class seen
+SAME = 1e-9  # relative: times that differ by less are equal
 MOST = 4  # times as many routes as classes asked for are refined at most
 
 
@@ -75,15 +76,16 @@ def rank_classes(
         for i, route in enumerate(routes[len(done) :], start=len(done)):
             say(f"class {i + 1} of {len(routes)}")
             done.append(refine(problem, solver, gates, route))
-        attained = [c for c in done if POINT not in c.failed]
-        best = sorted(attained, key=lambda c: c.travel_time)[:count]
-        excess = max(
-            (1.0 - c.travel_time / c.graph_time for c in best if c.certified and c.graph_time > 0.0),
-            default=0.0,
-        )
-        known = routes[-1].time * (1.0 - DOUBT * max(excess, 0.0))  # no class beyond the routes is faster
+        attained = sorted((c for c in done if POINT not in c.failed), key=lambda c: c.travel_time)
+        best = attained[:count]
+        sure = [c for c in attained if c.certified and c.graph_time > 0.0]
+        excess = max((1.0 - c.travel_time / c.graph_time for c in sure), default=1.0)
+        # no class beyond the routes is faster than `known`
+        known = routes[-1].time * (1.0 - DOUBT * min(max(excess, 0.0), 1.0 / DOUBT))
         exhausted = len(routes) < wanted or len(routes) >= MOST * count
-        certain = len(routes) < wanted or (bool(best) and best[-1].travel_time <= known)
+        certain = _in_order(attained, count) and (
+            len(routes) < wanted or (bool(best) and best[-1].travel_time <= known)
+        )
         if exhausted or (certain and len(best) == count):
             break
         wanted = min(2 * wanted, MOST * count)
@@ -104,6 +106,16 @@ def rank_classes(
     return Ranking(ranked, len(done), certain, tuple(notes))
 
 
+def _in_order(classes: list[ClassOptimum], count: int) -> bool:
+    """Whether the first `count` classes, sorted by time, keep their order whatever the bounds leave open."""
+    return all(
+        classes[i].travel_time <= other.travel_time - other.optimality_bound + SAME * other.travel_time
+        for j, other in enumerate(classes)
+        for i in range(min(j, count))
+        if not other.certified
+    )
+
+
 def refine(problem: Problem, solver: ClassSolver, gates: Gates, route: Route) -> ClassOptimum:
     """The optimum of a route's class; the route itself, with its bound, where none could be certified."""
     start = structure_of(problem, solver.cut, solver.chart, route)
@@ -117,6 +129,7 @@ def refine(problem: Problem, solver: ClassSolver, gates: Gates, route: Route) ->
         if as_found.time < found.time or failed != found.failed or found.unsafe:
             # what is worth reporting is a path of this class that stays in its cells
             found = replace(as_found, history=found.history, rounds=found.rounds)
+            failed = found.failed or (RESIDUAL,)
             path = arc_path(solver.solver, found.state)
     return ClassOptimum(
         rank=0,
@@ -125,7 +138,7 @@ def refine(problem: Problem, solver: ClassSolver, gates: Gates, route: Route) ->
         graph_time=route.time,
         travel_time=found.time,
         length=path.length,
-        optimality_bound=found.bound,
+        optimality_bound=found.time if found.unsafe else found.bound,
         certified=not failed,
         failed=failed,
         path=path,

@@ -16,6 +16,7 @@ from vnav_drake.speed_graph.state import Evaluator, State
 Array = NDArray[np.float64]
 
 LEG_SAMPLES = 41  # of each leg
+CAPPED_SAMPLES = 161
 RIDE_SAMPLES = 21  # of each stretch on a Voronoi arc
 SHORT = 1e-9  # [m]: pieces shorter than this are left out
 
@@ -23,7 +24,9 @@ SHORT = 1e-9  # [m]: pieces shorter than this are left out
 def sampled_pieces(solver: Evaluator, state: State) -> list[tuple[Array, Array]]:
     """Points (k, 2) [m] and unit tangents (k, 2) along each piece, in the direction of travel."""
     structure = state.structure
-    part = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, LEG_SAMPLES))
+    # curvature jumps where a leg reaches the greatest speed, which a spline must be fine enough to follow
+    count = LEG_SAMPLES if np.isinf(solver.chart.law.max_speed) else CAPPED_SAMPLES
+    part = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, count))
     cell = np.array([structure.pieces[i].cell for i in state.leg], dtype=np.int64)
     points, _ = along(solver.chart, cell, state.flight, part)
     row = {int(i): k for k, i in enumerate(state.leg)}

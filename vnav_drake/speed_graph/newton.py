@@ -253,7 +253,7 @@ class Solver(Evaluator):
             shared = np.intersect1d(self.diagram.ends[one.border], self.diagram.ends[other.border])
             if len(shared) == 0:
                 continue
-            node = int(shared[0])
+            node = int(min(shared, key=lambda n: float(np.hypot(*(self.diagram.nodes[n] - place[i])))))
             near = CORNER * self.diagram.node_distance[node] if circling[i] else SHORTEST
             if np.hypot(*(place[[i, i + 1]] - self.diagram.nodes[node]).T).max() <= near:
                 for k in (i, i + 1):

@@ -39,6 +39,7 @@ ROUNDS = 120  # changes of structure before giving up
 RETURNS = 4  # times that one structure may come back
 SAMPLES = 20  # of a leg, where it is asked whether it stays in its cell
 FINE_SAMPLES = 60
+ROUNDING = 1e-11  # relative, of the times of legs and rides: at most a tenth of what tests allow them
 BEYOND = 1e-7  # [m]: a leg that leaves its cell by less stays in it
 FULL_TURN = 2.0 * np.pi * (1.0 - 1e-9)  # [rad]
 KINK = 1e-7  # [rad]: largest kink of a certified path
@@ -63,7 +64,7 @@ class Optimum:
 
     @property
     def unsafe(self) -> bool:
-        """Whether a leg leaves its cell, so that `time` is that of no path."""
+        """Whether a leg leaves its cell at a sample, so that `time` is that of no path."""
         return RIDGE in self.failed
 
 
@@ -136,21 +137,25 @@ class ClassSolver:
                 return new
         return None
 
-    def beyond(self, state: State, samples: int) -> tuple[Array, Array, Array]:
-        """How far [m] legs are beyond the ridge of their cells: excess (n, k), positions and parts."""
-        part = 0.5 - 0.5 * np.cos(np.pi * (np.arange(samples) + 0.5) / samples)
-        cell = np.array([state.structure.pieces[i].cell for i in state.leg], dtype=np.int64)
-        points, own = along(self.chart, cell, state.flight, part)
+    def _excess(self, state: State, samples: int) -> tuple[Array, Array]:
+        """How far [m] legs are beyond the ridge of their cells at samples (n, k), and their clearance [m]."""
+        points, own = self._sampled(state, samples)
         true = self.chart.world.nearest(points)[0] - self.chart.radius
         law = self.chart.law
-        if np.isfinite(law.max_speed):
+        if np.isfinite(law.max_speed):  # beyond its clearance all are alike
             cap = float(law.distance(law.max_speed))
-            own, true = np.minimum(own, cap), np.minimum(true, cap)
-        return own - true, points, part
+            return np.minimum(own, cap) - np.minimum(true, cap), own
+        return own - true, own
+
+    def _sampled(self, state: State, samples: int) -> tuple[Array, Array]:
+        """Positions (n, k, 2) [m] on legs, denser at their ends; clearance (n, k) [m] to their features."""
+        part = 0.5 - 0.5 * np.cos(np.pi * (np.arange(samples) + 0.5) / samples)
+        cell = np.array([state.structure.pieces[i].cell for i in state.leg], dtype=np.int64)
+        return along(self.chart, cell, state.flight, part)
 
     def _kept_in_cells(self, state: State) -> Structure:
         """Legs that go beyond the ridge of their cell touch it where they are farthest beyond."""
-        excess, points, _ = self.beyond(state, SAMPLES)
+        excess, points = self._excess(state, SAMPLES)[0], self._sampled(state, SAMPLES)[0]
         structure = state.structure
         for row in np.flatnonzero(excess.max(axis=1) > BEYOND)[::-1]:
             i, k = int(state.leg[row]), int(np.argmax(excess[row]))
@@ -204,20 +209,25 @@ class ClassSolver:
         return times
 
     def _judged(self, state: State, settled: bool, history: tuple[Iteration, ...], rounds: int) -> Optimum:
+        """The four conditions, and the bound; a number that is not finite meets none of them."""
         times = self.piece_times(state)
         heading_in, heading_out = self.surgeon.headings(state)
         kink = np.abs((((heading_out - heading_in)[1:-1] + np.pi) % (2.0 * np.pi)) - np.pi)
         total = float(times.sum())
         at = np.cumsum(times)[:-1]
+        excess, own = self._excess(state, FINE_SAMPLES)
+        # where a leg is beyond the ridge by e, its speed was too high by the factor 1 + e / (2 d) at most
+        slower = float((np.maximum(excess, 0.0) / (2.0 * np.maximum(own, BEYOND))).max(initial=0.0))
         bound = float((2.0 * np.sin(0.5 * kink) * np.minimum(at, total - at)).sum())
-        failed = []
         at_node = np.array([j.node >= 0 for j in state.structure.joins[1:-1]], dtype=bool)
-        if state.error > FINE or kink[~at_node].max(initial=0.0) > KINK:
+        failed = []
+        if not (state.error <= FINE and kink[~at_node].max(initial=0.0) <= KINK):
             failed.append(RESIDUAL)
-        if self.beyond(state, FINE_SAMPLES)[0].max(initial=0.0) > BEYOND:
+        if not excess.max(initial=0.0) <= BEYOND:
             failed.append(RIDGE)
-        if kink[at_node].max(initial=0.0) > KINK:
+        if not kink[at_node].max(initial=0.0) <= KINK:
             failed.append(NODE)
-        if not settled and not failed:
+        if not (settled and np.isfinite(total)) and not failed:
             failed.append(RESIDUAL)
+        bound += total * (slower + ROUNDING)
         return Optimum(state, total, bound, tuple(failed), float(kink.max(initial=0.0)), history, rounds)

@@ -60,13 +60,16 @@ def speed_graph(
     Raises
     ------
     NoPathError : the robot does not fit through, or has no room at start or goal.
-    PlanningError : the ends are one point, the braking law is not isotropic, or no class crosses the gates.
-    ValueError : `classes` is not positive, or a token names no gate.
+    NoClassError : no class crosses the gates of `through`.
+    PlanningError : the ends are one point, or the braking law is not isotropic.
+    ValueError : `classes` is no positive whole number, `graph` is unknown, or a token names no gate.
     """
     begin = time.perf_counter()
     say: Say = progress or (lambda _text: None)
-    if classes < 1:
-        raise ValueError(f"classes = {classes!r}: must be at least 1")
+    if not isinstance(classes, int) or classes < 1:
+        raise ValueError(f"classes = {classes!r}: must be a whole number of at least 1")
+    if graph not in ("sampled", "published"):
+        raise ValueError(f"graph = {graph!r}: must be 'sampled' or 'published'")
     if not problem.braking.isotropic:
         raise PlanningError("the speed graph needs a braking law that is the same in every direction")
     if np.hypot(*(problem.goal.point - problem.start.point)) <= NEAR:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav_drake.homotopy import Gates, build_gates
-from vnav_drake.problem import NoPathError, PlanningError, Problem
+from vnav_drake.problem import NoClassError, NoPathError, Problem
 from vnav_drake.speed_graph.cells import Strips, build_strips
 from vnav_drake.speed_graph.crossings import Crossings, gate_crossings
 from vnav_drake.speed_graph.legs import valid_legs
@@ -192,7 +192,7 @@ def k_best_classes(graph: SampledGraph, k: int, through: Sequence[str] = ()) -> 
     ------
     ValueError : k is not positive, or a token names no gate.
     NoPathError : start and goal are not joined.
-    PlanningError : no class crosses the demanded gates in this order.
+    NoClassError : no class crosses the demanded gates in this order.
     """
     result = search_sampled(graph, k, through)
     return [graph.route(p.time, p.word, p.edge, p.forward) for p in result.paths]
@@ -206,22 +206,20 @@ def search_sampled(graph: SampledGraph, k: int, through: Sequence[str] = ()) -> 
     return result
 
 
-def gate_numbers(gates: Gates, through: Sequence[str]) -> list[int]:
-    """Gates (1-based) with the given tokens. Raises ValueError for a token that names none."""
-    known = {token: i for i, token in enumerate(gates.tokens, start=1)}
-    for token in through:
-        if token not in known:
-            raise ValueError(f"through: {token!r} names no gate; there are {', '.join(known) or 'none'}")
-    return [known[token] for token in through]
+def gate_numbers(gates: Gates, through: Sequence[str]) -> list[frozenset[int]]:
+    """Gates (1-based) that each token stands for. Raises ValueError for a token that names none."""
+    if isinstance(through, str):
+        raise ValueError(f"through = {through!r}: must be a sequence of tokens, not one string")
+    return [gates.numbers_of(token) for token in through]
 
 
 def demand_paths(problem: Problem, result: SearchResult, through: Sequence[str]) -> None:
-    """Raise NoPathError or PlanningError where a search found nothing."""
+    """Raise NoPathError or NoClassError where a search found nothing."""
     if result.paths:
         return
     (x0, y0), (x1, y1) = problem.start.position, problem.goal.position
     if through:
-        raise PlanningError(f"no homotopy class crosses {', '.join(through)} in this order")
+        raise NoClassError(f"no homotopy class crosses {', '.join(through)} in this order")
     raise NoPathError(
         f"no path: start ({x0:.6g}, {y0:.6g}) and goal ({x1:.6g}, {y1:.6g}) lie in separate parts"
         " of where the robot can move"

@@ -78,7 +78,7 @@ class SearchResult:
 class _Words:
     """Reduced words as numbers, so that labels are compared at once."""
 
-    def __init__(self, through: Sequence[int]) -> None:
+    def __init__(self, through: Sequence[frozenset[int]]) -> None:
         self.words: list[Word] = [()]
         self._number: dict[Word, int] = {(): 0}
         self._next: dict[tuple[int, int], int] = {}
@@ -110,20 +110,21 @@ class _Words:
         """How many of the demanded gates the word crosses in their order."""
         done = 0
         for letter in word:
-            if done < len(self._through) and abs(letter) == self._through[done]:
+            if done < len(self._through) and abs(letter) in self._through[done]:
                 done += 1
         return done
 
 
 def search_classes(
-    edges: Edges, count: int, start: int, goal: int, k: int, through: Sequence[int] = ()
+    edges: Edges, count: int, start: int, goal: int, k: int, through: Sequence[frozenset[int]] = ()
 ) -> SearchResult:
     """The fastest path in each of the k fastest homotopy classes.
 
     Parameters
     ----------
     edges : of a graph of nodes 0 to `count - 1`.
-    through : gates (1-based) that the reduced word must cross in this order, in either direction. With
+    through : sets of gates (1-based) of which the reduced word must cross one each, in this order, in
+        either direction. With
         any, the number of labels at a node is a limit that could in theory hide a class.
 
     Returns
@@ -244,7 +245,7 @@ def _bound(
     return float("inf")
 
 
-def _layers(edges: Edges, count: int, goal: int, through: Sequence[int], ahead: Array) -> Array:
+def _layers(edges: Edges, count: int, goal: int, through: Sequence[frozenset[int]], ahead: Array) -> Array:
     """Least time to the goal (L + 1, count) when the first 0 .. L demanded gates are crossed already."""
     demanded = len(through)
     out = np.empty((demanded + 1, count))
@@ -260,7 +261,7 @@ def _layers(edges: Edges, count: int, goal: int, through: Sequence[int], ahead: 
             for layer in range(demanded):
                 now = layer
                 for letter in letters:
-                    if now < demanded and abs(letter) == through[now]:
+                    if now < demanded and abs(letter) in through[now]:
                         now += 1
                 step[layer, row] = now
     offset = count * np.arange(demanded + 1)[:, None]
