@@ -27,7 +27,8 @@ CORNER = 0.02  # short: a part of the distance from the node to the nearest feat
 REACH = 0.7  # longest step, as a part of the distance to the nearest feature
 LEAST_REACH = 0.05
 BENT = 0.1  # [rad]: with smaller residuals steps may be longer than the legs
-LEGS = 2.0  # legs up to this many times longer look alike
+LEGS = 2.0  # a leg may change by this many times its length
+TINY = 1e-6  # [m]
 BACKTRACKS = 5
 SHRINK = 0.35
 WORSE = 1.2  # a step may let the residual grow by this factor
@@ -130,11 +131,11 @@ class Solver(Evaluator):
         count = len(error)
         newton, doubtful = self._newton(state, block, error)
         step = np.where(_of_blocks(moving, block), newton, 0.0)
-        scale = self._scale(state, _of_blocks(error > BENT, block))
+        bent = _of_blocks(error > BENT, block)
         circling = _of_blocks(moving & (error > CIRCLING), block) & patient
         trial, after, together = state, error, np.zeros(len(block))
         step, turning = self._closing(state, step)
-        cut = _cut(step / scale, block, trust)
+        cut = _cut(self._size(state, step, bent), block, trust)
         for _try in range(BACKTRACKS):
             if turning:
                 break
@@ -153,7 +154,7 @@ class Solver(Evaluator):
                 doubtful &= ~astray
                 step = np.where(_of_blocks(astray, block) & (state.bound == 0.0), _alone(state), step)
                 step, turning = self._closing(state, step)
-                cut = np.where(astray, _cut(step / scale, block, trust), cut)
+                cut = np.where(astray, _cut(self._size(state, step, bent), block, trust), cut)
                 continue
             bad = moving & (after > np.maximum(allowed, FINE)) & (error <= LOST)
             if not bad.any():
@@ -215,24 +216,30 @@ class Solver(Evaluator):
                 out[[i, i + 1]] *= max(gap, 0.0) / -gain
         return out
 
-    def _scale(self, state: State, bent: Mask) -> Array:
-        """How far a join can move and legs look alike, in its border's parameter.
+    def _size(self, state: State, step: Array, bent: Mask) -> Array:
+        """(m + 1,) how large a step is, over what a join can do while all looks alike.
 
-        The distance [m] to the nearest feature; for joins that are `bent` (m + 1,) twice the length of the
-        shorter leg if that is less.
+        It can move by the distance to the nearest feature; for joins that are `bent` (m + 1,) each leg
+        can change by `LEGS` times its length. Joins that move together may go far, so a chain of short
+        legs around a small feature travels as one.
         """
         joins = state.structure.joins
-        out = np.ones(len(joins))
-        length = np.hypot(*np.diff(state.place, axis=0).T)
-        length[[i for i, piece in enumerate(state.structure.pieces) if piece.is_ride]] = np.inf
-        leg = np.where(bent, np.minimum(np.append(np.inf, length), np.append(length, np.inf)), np.inf)
-        on = [i for i, j in enumerate(joins) if j.border >= 0]
-        if on:
-            curves = self.diagram.curves.take([joins[i].border for i in on])
-            u = np.array([joins[i].u for i in on])
-            reach = np.minimum(curves.distance(u), LEGS * leg[on])
-            out[on] = np.maximum(reach, 1e-6) / stretch_of(curves, u)
-        return out
+        out, move = np.zeros(len(joins)), np.zeros((len(joins), 2))
+        on = np.array([i for i, j in enumerate(joins) if j.kind in MOVING], dtype=np.int64)
+        if len(on) == 0:
+            return out
+        curves = self.diagram.curves.take(np.array([joins[i].border for i in on]))
+        u = np.array([joins[i].u for i in on])
+        length = step[on] * stretch_of(curves, u)
+        out[on] = np.abs(length) / np.maximum(curves.distance(u), TINY)
+        sign = np.where(curves.span[:, 1] >= curves.span[:, 0], 1.0, -1.0)
+        move[on] = curves.tangents(u) * (sign * length)[:, None]
+        change = np.hypot(*np.diff(move, axis=0).T)
+        leg = np.hypot(*np.diff(state.place, axis=0).T)
+        leg[[i for i, piece in enumerate(state.structure.pieces) if piece.is_ride]] = np.inf
+        turned = change / np.maximum(LEGS * leg, TINY)
+        turned = np.where(bent, np.maximum(np.append(0.0, turned), np.append(turned, 0.0)), 0.0)
+        return np.maximum(out, turned)
 
     def _met(self, structure: Structure, circling: Mask) -> Array:
         """(m + 1,) -1 or +1 for joins of a leg that has shrunk to nothing: they have met at a node.
@@ -293,7 +300,7 @@ def _spread(values: Array, block: Indices) -> Array:
 
 
 def _cut(size: Array, block: Indices, trust: Array) -> Array:
-    """Part of the step that each block may take, from step lengths (m + 1,) over the distances there."""
+    """Part of the step that each block may take, from `Solver._size` (m + 1,)."""
     largest = np.zeros(len(trust))
     np.maximum.at(largest, block[block >= 0], np.abs(size[block >= 0]))
     return np.minimum(1.0, trust / np.maximum(largest, 1e-300))
