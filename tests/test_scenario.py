@@ -26,6 +26,7 @@ NAMES = [
     "single_point",
     "single_wall",
     "warehouse",
+    "warehouse_gaps",
     "warehouse_rest",
     "warehouse_slippery",
     "warehouse_tall",

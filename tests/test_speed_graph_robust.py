@@ -145,7 +145,7 @@ def test_moved_mirrored_and_reversed_problems_have_the_same_optima(seed):
         assert [c.travel_time for c in found] == pytest.approx(times, rel=1e-9)
 
 
-@pytest.mark.parametrize("cut", [0.1, 0.01])
+@pytest.mark.parametrize("cut", [0.1, 0.01, 1e-3, 1e-4])
 def test_small_features_change_little(cut):
     # A box with a corner cut off: free space grows, and clearance by at most cut / sqrt 2, so times
     # lie between those of the whole box and of a robot smaller by that.

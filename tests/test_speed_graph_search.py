@@ -122,3 +122,17 @@ def test_a_token_that_names_no_gate_is_refused():
     graph = graph_of(load_scenario(SCENARIOS / "four_point_room.yaml").problem)
     with pytest.raises(ValueError, match="'P1/P9' is no passage"):
         k_best_classes(graph, 1, ("P1/P9",))
+
+
+def test_a_token_may_be_written_either_way_round():
+    # a passage between two obstacles has no first one
+    graph = graph_of(load_scenario(SCENARIOS / "warehouse.yaml").problem)
+    given = k_best_classes(graph, 2, ("O4/O6", "O3/O4", "O1/O3"))
+    turned = k_best_classes(graph, 2, ("O6/O4", "O4/O3", "O3/O1"))
+    assert [route.word for route in given] == [route.word for route in turned]
+
+
+def test_tokens_are_not_read_from_one_string():
+    graph = graph_of(load_scenario(SCENARIOS / "four_point_room.yaml").problem)
+    with pytest.raises(ValueError, match="must be a sequence of tokens"):
+        k_best_classes(graph, 1, "P1/P3")
