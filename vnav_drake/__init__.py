@@ -15,12 +15,14 @@ if TYPE_CHECKING:
     from vnav_drake.problem import End, NoPathError, PlanningError, Problem
     from vnav_drake.robot import Robot
     from vnav_drake.scenario import Scenario, ScenarioError, load_scenario
+    from vnav_drake.speed_graph import ClassOptimum, SpeedGraphResult, plan_speed_graph
     from vnav_drake.speed_profile import fastest_profile
     from vnav_drake.voronoi import VoronoiDiagram, build_diagram
     from vnav_drake.voronoi_route import k_best_routes, plan_voronoi_route
     from vnav_drake.world import Obstacle, World, WorldError
 
 __all__ = [
+    "ClassOptimum",
     "End",
     "NoPathError",
     "Obstacle",
@@ -32,6 +34,7 @@ __all__ = [
     "Scenario",
     "ScenarioError",
     "Seed",
+    "SpeedGraphResult",
     "Trajectory",
     "UniformBraking",
     "VoronoiDiagram",
@@ -42,6 +45,7 @@ __all__ = [
     "k_best_routes",
     "load_scenario",
     "plan_full",
+    "plan_speed_graph",
     "plan_variational",
     "plan_voronoi_route",
 ]
@@ -69,6 +73,11 @@ _HOMES = {
         "Scenario",
         "ScenarioError",
         "load_scenario",
+    ),
+    "speed_graph": (
+        "ClassOptimum",
+        "SpeedGraphResult",
+        "plan_speed_graph",
     ),
     "speed_profile": ("fastest_profile",),
     "voronoi": (

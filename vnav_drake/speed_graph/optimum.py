@@ -30,7 +30,7 @@ from vnav_drake.speed_graph.newton import FINE, Iteration, Settled, Solver
 from vnav_drake.speed_graph.state import State
 from vnav_drake.speed_graph.structure import Structure
 from vnav_drake.speed_graph.surgery import Surgeon
-from vnav_drake.voronoi import VoronoiDiagram, travel_time
+from vnav_drake.voronoi import VoronoiDiagram
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -198,14 +198,8 @@ class ClassSolver:
 
     def piece_times(self, state: State) -> Array:
         """(m,) [s] of each piece."""
-        times = np.zeros(len(state.structure.pieces))
+        times = self.solver.ride_times(state.structure)
         times[state.leg] = state.flight.time
-        for i, piece in enumerate(state.structure.pieces):
-            if piece.is_ride:
-                span = [[self.solver.parameter(state.structure.joins[k], piece.border) for k in (i, i + 1)]]
-                if span[0][0] != span[0][1]:
-                    curve = self.diagram.curves.take([piece.border]).cut(np.array(span))
-                    times[i] = float(travel_time(curve, self.chart.law, self.chart.radius)[0])
         return times
 
     def _judged(self, state: State, settled: bool, history: tuple[Iteration, ...], rounds: int) -> Optimum:

@@ -104,7 +104,7 @@ class Evaluator:
             jacobian,
             diagonal,
             bound,
-            self._rides(structure),
+            float(self.ride_times(structure).sum()),
         )
 
     def _onward(self, structure: Structure, tangent: Array) -> Array:
@@ -118,19 +118,21 @@ class Evaluator:
                     out[i] += np.pi
         return out
 
-    def _rides(self, structure: Structure) -> float:
-        """Time [s] along borders."""
+    def ride_times(self, structure: Structure) -> Array:
+        """(m,) [s] along borders, of each piece; zero for legs."""
+        times = np.zeros(len(structure.pieces))
         rows, spans = [], []
         for i, piece in enumerate(structure.pieces):
             if piece.is_ride:
                 span = [self.parameter(structure.joins[k], piece.border) for k in (i, i + 1)]
                 if span[0] != span[1]:
-                    rows.append(piece.border)
+                    rows.append(i)
                     spans.append(span)
-        if not rows:
-            return 0.0
-        curves = self.diagram.curves.take(rows).cut(np.array(spans))
-        return float(travel_time(curves, self.chart.law, self.chart.radius).sum())
+        if rows:
+            borders = np.array([structure.pieces[i].border for i in rows])
+            curves = self.diagram.curves.take(borders).cut(np.array(spans))
+            times[rows] = travel_time(curves, self.chart.law, self.chart.radius)
+        return times
 
     def parameter(self, join: Join, border: int) -> float:
         """Where a join lies on a border that it is on."""
