@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vnav_drake.homotopy import Gates, word_of
 from vnav_drake.plan import Path
 from vnav_drake.problem import PlanningError, Problem
-from vnav_drake.speed_graph.geometry import arc_path, polyline, sampled_pieces
+from vnav_drake.speed_graph.geometry import Pieces, arc_path, polyline, sampled_pieces
 from vnav_drake.speed_graph.initial import structure_of
 from vnav_drake.speed_graph.newton import Iteration
 from vnav_drake.speed_graph.optimum import CLASS, POINT, RESIDUAL, ClassSolver, Optimum
@@ -120,7 +120,8 @@ def refine(problem: Problem, solver: ClassSolver, gates: Gates, route: Route) ->
     """The optimum of a route's class; the route itself, with its bound, where none could be certified."""
     start = structure_of(problem, solver.cut, solver.chart, route)
     found = solver.optimum(start)
-    path = arc_path(solver.solver, found.state)
+    pieces = sampled_pieces(solver.solver, found.state)
+    path = arc_path(found.state, pieces)
     failed = found.failed
     if POINT not in failed and word_of(gates, path) != route.word:
         failed = (*failed, CLASS)
@@ -130,7 +131,8 @@ def refine(problem: Problem, solver: ClassSolver, gates: Gates, route: Route) ->
             # what is worth reporting is a path of this class that stays in its cells
             found = replace(as_found, history=found.history, rounds=found.rounds)
             failed = found.failed or (RESIDUAL,)
-            path = arc_path(solver.solver, found.state)
+            pieces = sampled_pieces(solver.solver, found.state)
+            path = arc_path(found.state, pieces)
     return ClassOptimum(
         rank=0,
         name=gates.name(route.word),
@@ -142,14 +144,14 @@ def refine(problem: Problem, solver: ClassSolver, gates: Gates, route: Route) ->
         certified=not failed,
         failed=failed,
         path=path,
-        points=polyline(solver.solver, found.state),
-        stuck=_stuck(solver, found),
+        points=polyline(pieces),
+        stuck=_stuck(found, pieces),
         history=found.history,
     )
 
 
-def _stuck(solver: ClassSolver, found: Optimum) -> tuple[Array, ...]:
+def _stuck(found: Optimum, pieces: Pieces) -> tuple[Array, ...]:
     """Stretches (k, 2) [m] along Voronoi arcs, of more than rounding."""
-    pieces = zip(found.state.structure.pieces, sampled_pieces(solver.solver, found.state), strict=True)
-    rides = [points for piece, (points, _) in pieces if piece.is_ride]
+    both = zip(found.state.structure.pieces, pieces, strict=True)
+    rides = [points for piece, (points, _) in both if piece.is_ride]
     return tuple(points for points in rides if np.hypot(*(points[-1] - points[0])) > 1e-9)

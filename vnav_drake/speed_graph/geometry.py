@@ -21,7 +21,10 @@ RIDE_SAMPLES = 21  # of each stretch on a Voronoi arc
 SHORT = 1e-9  # [m]: pieces shorter than this are left out
 
 
-def sampled_pieces(solver: Evaluator, state: State) -> list[tuple[Array, Array]]:
+Pieces = list[tuple[Array, Array]]
+
+
+def sampled_pieces(solver: Evaluator, state: State) -> Pieces:
     """Points (k, 2) [m] and unit tangents (k, 2) along each piece, in the direction of travel."""
     structure = state.structure
     # curvature jumps where a leg reaches the greatest speed, which a spline must be fine enough to follow
@@ -46,7 +49,8 @@ def sampled_pieces(solver: Evaluator, state: State) -> list[tuple[Array, Array]]
 
 def _tangents(part: Array, points: Array, heading: Array) -> Array:
     """Unit tangents (k, 2) of a smooth leg through points; exact at both ends."""
-    slope = CubicSpline(np.arccos(1.0 - 2.0 * part), points)(np.arccos(1.0 - 2.0 * part), 1)
+    angle = np.arccos(1.0 - 2.0 * part)
+    slope = CubicSpline(angle, points)(angle, 1)
     size = np.hypot(slope[:, 0], slope[:, 1])
     tangent = slope / np.where(size > 0.0, size, 1.0)[:, None]
     tangent[0] = math.cos(heading[0]), math.sin(heading[0])
@@ -54,20 +58,19 @@ def _tangents(part: Array, points: Array, heading: Array) -> Array:
     return tangent
 
 
-def polyline(solver: Evaluator, state: State) -> Array:
-    """Points (n, 2) [m] along the whole path."""
-    pieces = [points for points, _ in sampled_pieces(solver, state)]
-    return np.concatenate([pieces[0], *(p[1:] for p in pieces[1:])])
+def polyline(pieces: Pieces) -> Array:
+    """Points (n, 2) [m] along the whole path, from its sampled pieces."""
+    return np.concatenate([pieces[0][0], *(points[1:] for points, _ in pieces[1:])])
 
 
-def arc_path(solver: Evaluator, state: State) -> Path:
-    """The path as circular arcs, without kinks up to rounding."""
+def arc_path(state: State, pieces: Pieces) -> Path:
+    """The path as circular arcs through its sampled pieces, without kinks up to rounding."""
     corner: list[Array] = []
     heading: list[Array] = []
     bend: list[Array] = []
     length: list[Array] = []
     last = state.place[-1]
-    for points, tangents in sampled_pieces(solver, state):
+    for points, tangents in pieces:
         if np.hypot(*np.diff(points, axis=0).T).sum() <= SHORT:
             continue
         keep = np.concatenate([[True], np.hypot(*np.diff(points, axis=0).T) > SHORT])

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav_drake.speed_graph.nodes import TURN, Around, around
-from vnav_drake.speed_graph.state import EDGE, State
+from vnav_drake.speed_graph.state import EDGE, State, stretch_of
 from vnav_drake.speed_graph.structure import Join, Kind, Piece, Structure
 from vnav_drake.speed_graph.tidy import Tidier
-from vnav_drake.voronoi import PARABOLA
 
 Array = NDArray[np.float64]
 
@@ -132,7 +131,7 @@ class NodeRules(Tidier):
         """Parameter about `distance` [m] from an end of a border, at most halfway; u's sign towards it."""
         curve = self.diagram.curves.take([border])
         here, there = curve.span[0, end], curve.span[0, 1 - end]
-        stretch = math.hypot(1.0, here / curve.size[0]) if curve.kind[0] == PARABOLA else 1.0
+        stretch = float(stretch_of(curve, curve.span[:, end])[0])
         step = max(min(distance / stretch, 0.5 * abs(there - here)), 2.0 * EDGE)
         sign = math.copysign(1.0, there - here)
         return float(here + sign * step), -sign
