@@ -279,6 +279,18 @@ def test_polygon_around_a_circle_is_never_inside_it(center, radius):
     assert np.min(world.distance(wide[inside])) > 0.0  # at most 0.054 % wider (96 sides)
 
 
+@pytest.mark.parametrize("center", [[5.0, 3.0], [5.0, 1.0]], ids=["free", "cut at a wall"])
+def test_a_circle_keeps_its_own_numbers_beside_the_polygon(center):
+    # What is planned with may be cut; the disc asked for is exactly the one in the file.
+    assert with_circle(center, 1.0).problem.world.obstacles[0].circle == (*center, 1.0)
+
+
+def test_only_circles_stand_for_a_disc():
+    corners = "boundary: [[0, 0], [10, 0], [10, 10], [0, 10]]"
+    world = small(corners, f"{corners}\n  obstacles: [{{vertices: [[4, 4], [5, 4], [5, 5]]}}]").problem.world
+    assert world.obstacles[0].circle is None
+
+
 def test_circle_at_a_thin_slit_stays_on_its_side():
     # A slit of 1e-4 m, x = 5, y from 4 up: the polygon around the circle reaches through it by 5e-4 * 1 m.
     slit = "[[0, 0], [10, 0], [10, 10], [5.0001, 10], [5.0001, 4], [5, 4], [5, 10], [0, 10]]"

@@ -239,7 +239,7 @@ def _circle(hall: shapely.Polygon, circle: CircleSpec, name: str) -> Obstacle:
     parts: Sequence[Any] = shapely.get_parts(polygon.intersection(hall)).tolist()
     inside = min(parts, key=lambda part: part.distance(shapely.Point(circle.center)))
     ring = shapely.get_coordinates(inside.exterior)[:-1].tolist()
-    return Obstacle(tuple((x, y) for x, y in ring), name)
+    return Obstacle(tuple((x, y) for x, y in ring), name, whole.circle)
 
 
 def end_faults(spec: ScenarioSpec, world: World, braking: UniformBraking) -> list[Fault]:

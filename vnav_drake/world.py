@@ -32,6 +32,7 @@ class Obstacle:
 
     vertices: tuple[tuple[float, float], ...]  # [m], either orientation
     name: str = ""
+    circle: tuple[float, float, float] | None = None  # [m], x, y, radius: the disc that a polygon stands for
 
 
 def circle_obstacle(center: tuple[float, float], radius: float, sides: int = 96, name: str = "") -> Obstacle:
@@ -39,7 +40,8 @@ def circle_obstacle(center: tuple[float, float], radius: float, sides: int = 96,
     angle = 2.0 * math.pi * np.arange(sides) / sides
     reach = radius / math.cos(math.pi / sides)
     ring = np.column_stack([center[0] + reach * np.cos(angle), center[1] + reach * np.sin(angle)])
-    return Obstacle(tuple((float(x), float(y)) for x, y in ring), name)
+    disc = (float(center[0]), float(center[1]), float(radius))
+    return Obstacle(tuple((float(x), float(y)) for x, y in ring), name, disc)
 
 
 class World:
