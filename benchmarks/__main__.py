@@ -13,7 +13,7 @@ import sys
 
 import benchmarks
 
-NOT_HERE = {"ranking", "random_worlds", "figures"}  # a study, what it draws from, and pictures
+NOT_HERE = {"ranking", "random_worlds", "large_maps", "figures"}  # a study, what is drawn from, and pictures
 
 
 def main(wanted: list[str]) -> int:
