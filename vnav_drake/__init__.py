@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from vnav_drake.braking import UniformBraking
     from vnav_drake.collocation import Seed, plan_full, plan_variational
+    from vnav_drake.lower_bound import Certificate, LowerBound, lower_bound
     from vnav_drake.plan import Path, Plan, Trajectory
     from vnav_drake.problem import End, NoPathError, PlanningError, Problem
     from vnav_drake.robot import Robot
@@ -22,8 +23,10 @@ if TYPE_CHECKING:
     from vnav_drake.world import Obstacle, World, WorldError
 
 __all__ = [
+    "Certificate",
     "ClassOptimum",
     "End",
+    "LowerBound",
     "NoPathError",
     "Obstacle",
     "Path",
@@ -44,6 +47,7 @@ __all__ = [
     "fastest_profile",
     "k_best_routes",
     "load_scenario",
+    "lower_bound",
     "plan_full",
     "plan_speed_graph",
     "plan_variational",
@@ -56,6 +60,11 @@ _HOMES = {
         "Seed",
         "plan_full",
         "plan_variational",
+    ),
+    "lower_bound": (
+        "Certificate",
+        "LowerBound",
+        "lower_bound",
     ),
     "plan": (
         "Path",

@@ -1,0 +1,139 @@
+"""The cone program: the greatest u(goal) - u(start) under the gradient bounds at all corners.
+
+u is quadratic on each triangle, in Bernstein form: one control value per vertex and per edge. Its
+gradient at corner i is 2 sum_j c_ij grad lambda_j, so each corner is one second-order cone of size three.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
+
+from vnav_drake.lower_bound.cover import barycentric_gradients
+from vnav_drake.lower_bound.minorant import WEIGHT_GRID, Choice
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """Triangles of one connected part of the mesh, and the control values on them."""
+
+    corners: Array  # (t, 3, 2) [m]
+    control: Indices  # (t, 3, 3), number of the control value c_ij; symmetric
+    choice: Choice  # of minorants
+    count: int  # of control values
+
+    @cached_property
+    def gradients(self) -> Array:
+        """2 grad lambda_j [1/m], (t, 3, 2)"""
+        return 2.0 * barycentric_gradients(self.corners)
+
+    def gradient(self, values: Array) -> Array:
+        """grad u at the corners (t, 3, 2) for control values (n,); in the unit of the values per metre.
+
+        As differences to the corner's own value, as the grad lambda_j add up to zero: least rounding.
+        """
+        own = np.einsum("tii->ti", self.control)
+        step = values[self.control] - values[own][:, :, None]
+        return np.asarray(np.einsum("tij,tjk->tik", step, self.gradients))
+
+    def bounds(self, weight: Array) -> Array:
+        """The minorants at the corners (t, 3) [s/m], with `weight` (t,) on the first of the two tangents."""
+        one, two = self.choice.corner[:, 0], self.choice.corner[:, 1]
+        return np.asarray(weight[:, None] * one + (1.0 - weight)[:, None] * two)
+
+
+@dataclass(frozen=True, eq=False)
+class Functional:
+    """A value of u: factors of some control values."""
+
+    number: Indices
+    factor: Array
+
+    def __call__(self, values: Array) -> float:
+        """The value [s] for control values (n,) [s]."""
+        return float(self.factor @ values[self.number])
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What the solver gave; nothing of it is trusted."""
+
+    values: Array  # (n,) [s], control values
+    weight: Array  # (t,), of the first tangent in each triangle, on the grid of weights
+    time: Array  # (t, 3), share of the travel time the optimal flow spends near each corner: its multiplier
+    push: Array  # (t, 3), the multipliers themselves: where the bound would be raised with most effect
+    status: str
+
+
+def solve(
+    elements: Elements, start: Functional, goal: Functional, *, tolerance: float, steps: int
+) -> Solution:
+    """Maximise u(goal) - u(start).
+
+    Rows are scaled so that each bound is about one: then the solver's residuals are relative errors of
+    the bounds, in the smallest triangle as in the largest.
+
+    Parameters
+    ----------
+    tolerance : of Clarabel's residuals and gap.
+    steps : of iterative refinement that Clarabel may take in each linear solve.
+    """
+    choice, count = elements.choice, len(elements.corners)
+    typical = choice.corner[:, 0].max(axis=1)  # [s/m]
+    reach = float(np.ptp(elements.corners.reshape(-1, 2), axis=0).max())
+    scale = reach * float(np.median(typical))  # [s], of u
+    rows = elements.gradients * (scale / typical)[:, None, None]
+    limit = choice.corner / typical[:, None, None]
+    program = MathematicalProgram()
+    u = program.NewContinuousVariables(elements.count, "u")
+    mixed = np.flatnonzero(choice.ridge)
+    alpha = program.NewContinuousVariables(len(mixed), "alpha")
+    share = np.empty(count, dtype=object)
+    share[mixed] = alpha
+    first = limit[:, 0]
+    matrix = np.zeros((count, 3, 3, 4))  # triangle, corner, row of the cone, variable
+    matrix[:, :, 1:, :3] = np.swapaxes(rows, 1, 2)[:, None]
+    matrix[mixed, :, 0, 3] = (first - limit[:, 1])[mixed]
+    offset = np.zeros((count, 3, 3))
+    offset[:, :, 0] = np.where(choice.ridge[:, None], limit[:, 1], first)
+    cones = []
+    for t, (mix, variables) in enumerate(zip(choice.ridge.tolist(), u[elements.control], strict=True)):
+        width = 4 if mix else 3
+        for i in range(3):
+            x = np.append(variables[i], share[t]) if mix else variables[i]
+            cones.append(program.AddLorentzConeConstraint(matrix[t, i, :, :width], offset[t, i], x))
+    if len(mixed):
+        program.AddBoundingBoxConstraint(0.0, 1.0, alpha)
+    program.AddBoundingBoxConstraint(0.0, 0.0, u[start.number[:1]])  # u is free up to a constant
+    program.AddLinearCost(-goal.factor, 0.0, u[goal.number])
+    program.AddLinearCost(start.factor, 0.0, u[start.number])
+    result = ClarabelSolver().Solve(program, None, _options(tolerance, steps))
+    multiplier = np.array([result.GetDualSolution(cone)[0] for cone in cones]).reshape(-1, 3)
+    weight = np.ones(count)
+    if len(mixed):
+        weight[mixed] = np.round(np.clip(result.GetSolution(alpha), 0.0, 1.0) / WEIGHT_GRID) * WEIGHT_GRID
+    push = np.maximum(np.nan_to_num(multiplier), 0.0)
+    time = push * (elements.bounds(weight) / typical[:, None])
+    total = float(time.sum())
+    return Solution(
+        values=np.nan_to_num(result.GetSolution(u)) * scale,
+        weight=weight,
+        time=time / total if total > 0.0 else time,
+        push=push,
+        status=str(result.get_solver_details().status),
+    )
+
+
+def _options(tolerance: float, steps: int) -> SolverOptions:
+    options = SolverOptions()
+    for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
+        options.SetOption(ClarabelSolver.id(), name, tolerance)
+    options.SetOption(ClarabelSolver.id(), "iterative_refinement_max_iter", steps)
+    return options
