@@ -13,6 +13,7 @@ import shapely
 from verify import evidence
 from verify.evidence import EvidenceError
 from verify.judge.checks import Setting
+from verify.judge.features import Features
 from verify.judge.limits import GRAVITY
 from vnav_drake.scenario_faults import validate_spec
 from vnav_drake.scenario_file import ScenarioError, read_document
@@ -28,6 +29,7 @@ class Question:
     name: str
     sha256: str  # of the file, hexadecimal
     setting: Setting
+    features: Features  # what stands in the way, side by side
     gates: Mapping[str, float]  # all gates, defaults filled in
     named_gates: frozenset[str]  # those that the file names itself
 
@@ -57,6 +59,7 @@ def read_question(data: bytes) -> Question:
         name=spec.name,
         sha256=evidence.sha256(data),
         setting=Setting.from_spec(spec),
+        features=Features.from_spec(spec.world),
         gates={name: float(limit) for name, limit in spec.gates.model_dump().items()},
         named_gates=frozenset(spec.gates.model_fields_set),
     )

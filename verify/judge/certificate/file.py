@@ -1,0 +1,256 @@
+"""certificate.npz as a file: read strictly, as it may come from anybody.
+
+Sizes are bounded by what the archive declares before anything is unpacked, nothing is unpickled, and
+every number is within a range in which the checks cannot overflow. What the numbers mean is checked
+elsewhere.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verify import evidence
+from verify.evidence import EvidenceError
+
+Array = NDArray[np.float64]
+
+CERTIFICATE = "certificate.npz"
+FORMAT = 1
+MOST_LATTICE = 2**40  # of lattice coordinates: differences and their sums are exact in doubles
+MOST_ORIGIN = 2**50  # of origin / unit: lattice points in metres are exact in doubles
+UNIT_POWERS = (-60, 20)  # least and greatest power of two of the unit [m]
+MOST_SLOTS = 16  # terms of a minorant
+MOST_POTENTIAL = 1e9  # [s], of control values: thirty years
+MOST_HEADER = 4096  # bytes before an array's numbers
+
+# dtype and shape of each array; a letter stands for a length, the same everywhere
+_LAYOUT: Mapping[str, tuple[str, tuple[str | int, ...]]] = {
+    "format": ("<i8", ()),
+    "vertices": ("<i8", ("n", 2)),
+    "origin": ("<f8", (2,)),
+    "unit": ("<f8", ()),
+    "box": ("<i8", (4,)),
+    "triangles": ("<i4", ("t", 3)),
+    "dropped": ("<i4", ("s", 3)),
+    "blocked_by": ("<i4", ("s",)),
+    "edges": ("<i4", ("e", 2)),
+    "u_vertex": ("<f8", ("n",)),
+    "u_edge": ("<f8", ("e",)),
+    "feature": ("<i4", ("t", "K")),
+    "speed": ("<f8", ("t", "K")),
+    "weight": ("<f8", ("t", "K")),
+    "start_triangle": ("<i8", ()),
+    "goal_triangle": ("<i8", ()),
+    "features": ("<f8", ("f", 5)),
+    "start": ("<f8", (2,)),
+    "goal": ("<f8", (2,)),
+    "law": ("<f8", (5,)),
+    "travel_time": ("<f8", ()),
+    "digest": ("|u1", (32,)),
+}
+# What numpy raises for a header that is not one.
+_MALFORMED = (
+    ValueError,
+    SyntaxError,
+    TypeError,
+    OverflowError,
+    RecursionError,
+    MemoryError,
+    tokenize.TokenError,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class CertificateFile:
+    """The arrays of certificate.npz, well-formed: types, shapes, index ranges, finite numbers."""
+
+    format: NDArray[np.int64]  # (), 1
+    vertices: NDArray[np.int64]  # (n, 2) lattice points; metres are origin + unit * vertices
+    origin: Array  # (2,) [m]
+    unit: Array  # () [m], a power of two
+    box: NDArray[np.int64]  # (4,) lattice box x0, y0, x1, y1
+    triangles: NDArray[np.int32]  # (t, 3) kept
+    dropped: NDArray[np.int32]  # (s, 3)
+    blocked_by: NDArray[np.int32]  # (s,)
+    edges: NDArray[np.int32]  # (e, 2)
+    u_vertex: Array  # (n,) [s]
+    u_edge: Array  # (e,) [s]
+    feature: NDArray[np.int32]  # (t, K), -1: the constant 1 / v_max
+    speed: Array  # (t, K) [m/s]
+    weight: Array  # (t, K)
+    start_triangle: NDArray[np.int64]  # ()
+    goal_triangle: NDArray[np.int64]  # ()
+    features: Array  # (f, 5) [m]
+    start: Array  # (2,) [m]
+    goal: Array  # (2,) [m]
+    law: Array  # (5,): radius [m], a_b [m/s^2], t_r [s], margin [m], v_max [m/s]
+    travel_time: Array  # () [s], as claimed
+    digest: NDArray[np.uint8]  # (32,)
+
+    @cached_property
+    def points(self) -> Array:
+        """The vertices (n, 2) [m], without rounding."""
+        return self.metres(self.vertices)
+
+    def metres(self, lattice: NDArray[np.int64]) -> Array:
+        """Lattice points (..., 2) within `MOST_LATTICE` in metres, without rounding."""
+        steps = self.origin / self.unit  # an integer, by MOST_ORIGIN exact
+        return np.asarray((steps + lattice) * self.unit)
+
+    def actual_digest(self) -> bytes:
+        """SHA-256 over all other arrays: per key in sorted order the key, dtype, shape and bytes."""
+        sums = hashlib.sha256()
+        for key in sorted(_LAYOUT):
+            if key != "digest":
+                array = np.ascontiguousarray(getattr(self, key)).reshape(getattr(self, key).shape)
+                parts = (key, np.dtype(_LAYOUT[key][0]).str, repr(array.shape))
+                sums.update(b"".join(part.encode() + b"\0" for part in parts))
+                sums.update(array.astype(_LAYOUT[key][0], copy=False).tobytes())
+        return sums.digest()
+
+
+def read_certificate(folder: Path) -> CertificateFile | None:
+    """Read certificate.npz of a result folder; None when there is none.
+
+    Raises
+    ------
+    EvidenceError : truncated, not such an archive, an array missing, unknown, of another type or shape,
+        a number not finite or out of range.
+    """
+    if not (folder / CERTIFICATE).exists():
+        return None
+    arrays = _arrays(evidence.read_bytes(folder, CERTIFICATE))
+    wrong = _shape_faults(arrays)
+    if not wrong:
+        wrong = _number_faults(arrays)
+    if wrong:
+        raise EvidenceError(*(f"{CERTIFICATE}: {text}" for text in wrong))
+    return CertificateFile(**{field.name: arrays[field.name] for field in fields(CertificateFile)})
+
+
+def _arrays(data: bytes) -> dict[str, NDArray[Any]]:
+    """The arrays by key; all keys there, none else, each with its type."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            entries = _entries(archive)
+            return {key: _array(key, archive.read(entry)) for key, entry in entries.items()}
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError) as error:
+        raise EvidenceError(f"{CERTIFICATE}: truncated or not an archive of arrays: {error}") from error
+
+
+def _entries(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
+    names = [entry.filename for entry in archive.infolist()]
+    wanted = {f"{key}.npy": key for key in _LAYOUT}
+    wrong = [f"the array {key} is missing" for name, key in wanted.items() if name not in names]
+    strange = sorted(set(names) - set(wanted))
+    wrong += [f"holds what it should not: {name[:60]!a}" for name in strange[:5]]
+    if len(set(names)) < len(names):
+        wrong.append("two entries have the same name")
+    if sum(entry.file_size for entry in archive.infolist()) > evidence.MAX_BYTES:
+        wrong.append(f"unpacks to more than {evidence.MAX_BYTES} bytes")
+    if any(e.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for e in archive.infolist()):
+        wrong.append("is packed in a way that numpy does not use")
+    if wrong:
+        raise EvidenceError(*(f"{CERTIFICATE}: {text}" for text in wrong))
+    return {wanted[entry.filename]: entry for entry in archive.infolist()}
+
+
+def _array(key: str, data: bytes) -> NDArray[Any]:
+    """One array in numpy's format, in C order; its declared size must be that of the data."""
+    wanted = _LAYOUT[key][0]
+    stream = io.BytesIO(data)
+    try:
+        if np.lib.format.read_magic(stream) != (1, 0):
+            raise ValueError("not of version 1.0")
+        shape, _, dtype = np.lib.format.read_array_header_1_0(stream, max_header_size=MOST_HEADER)
+        declared = math.prod(shape) * dtype.itemsize
+        if dtype.str != wanted:
+            raise ValueError(f"its type is {dtype.str!a}, expected {wanted!a}")
+        if declared != len(data) - stream.tell():
+            raise ValueError(f"{len(data) - stream.tell()} bytes of numbers where {declared} are declared")
+        stream.seek(0)
+        array = np.lib.format.read_array(stream, allow_pickle=False, max_header_size=MOST_HEADER)
+    except _MALFORMED as error:
+        raise EvidenceError(f"{CERTIFICATE}: {key}: {error}") from error
+    return np.array(array, order="C")
+
+
+def _shape_faults(arrays: Mapping[str, NDArray[Any]]) -> list[str]:
+    wrong: list[str] = []
+    lengths: dict[str | int, int] = {}
+    for key, (_, shape) in _LAYOUT.items():
+        actual = arrays[key].shape
+        if len(actual) == len(shape):
+            for name, length in zip(shape, actual, strict=True):
+                lengths.setdefault(name, length)
+            if actual == tuple(lengths[name] if isinstance(name, str) else name for name in shape):
+                continue
+        expected = ", ".join(str(lengths.get(name, name)) for name in shape)
+        wrong.append(f"{key}: its shape is {actual}, expected ({expected})")
+    if not wrong and arrays["feature"].shape[1] > MOST_SLOTS:
+        wrong.append(f"feature: more than {MOST_SLOTS} terms a triangle")
+    if not wrong and not len(arrays["triangles"]):
+        wrong.append("triangles: none")
+    return wrong
+
+
+def _number_faults(arrays: Mapping[str, NDArray[Any]]) -> list[str]:
+    """Numbers that are not finite or out of range, with the first of them in each array."""
+    wrong: list[str] = []
+
+    def demand(key: str, good: NDArray[np.bool_], rule: str) -> None:
+        if not good.all():
+            where = tuple(int(i) for i in np.argwhere(~good)[0])
+            place = "".join(f"[{i}]" for i in where)
+            wrong.append(f"{key}{place} = {arrays[key][where]}: {rule}")
+
+    for key, (dtype, _) in _LAYOUT.items():
+        if dtype == "<f8":
+            finite = np.isfinite(arrays[key])
+            if key == "law":
+                finite[4] |= arrays[key][4] == math.inf
+            demand(key, finite, "must be finite")
+    demand("format", arrays["format"] == FORMAT, f"must be {FORMAT}")
+    vertices, triangles, features = (len(arrays[key]) for key in ("vertices", "triangles", "features"))
+    for key in ("vertices", "box"):
+        small = (arrays[key] <= MOST_LATTICE) & (arrays[key] >= -MOST_LATTICE)
+        demand(key, small, "is too large for a lattice coordinate")
+    for key, first, count in (
+        ("triangles", 0, vertices),
+        ("dropped", 0, vertices),
+        ("edges", 0, vertices),
+        ("feature", -1, features),
+        ("start_triangle", 0, triangles),
+        ("goal_triangle", 0, triangles),
+    ):
+        inside = (arrays[key] >= first) & (arrays[key] < count)
+        demand(key, inside, f"must be an index from {first} to {count - 1}")
+    for key in ("u_vertex", "u_edge"):
+        demand(key, ~(np.abs(arrays[key]) > MOST_POTENTIAL), f"must be at most {MOST_POTENTIAL:g} s")
+    return wrong or _lattice_faults(arrays)
+
+
+def _lattice_faults(arrays: Mapping[str, NDArray[Any]]) -> list[str]:
+    unit, origin, box = float(arrays["unit"]), arrays["origin"], arrays["box"]
+    fraction, power = math.frexp(unit)
+    if fraction != 0.5 or not UNIT_POWERS[0] <= power - 1 <= UNIT_POWERS[1]:
+        return [f"unit = {unit!r} m: must be a power of two from 2^{UNIT_POWERS[0]} to 2^{UNIT_POWERS[1]}"]
+    steps = origin / unit
+    if (steps != np.floor(steps)).any() or (np.abs(steps) > MOST_ORIGIN).any():
+        return ["origin: must be an integer multiple of the unit, and at most 2^50 of it"]
+    if not (box[0] < box[2] and box[1] < box[3]):
+        return [f"box = {box.tolist()}: must have a width and a height"]
+    return []

@@ -1,0 +1,69 @@
+"""What a certificate proves, in one paragraph."""
+
+from __future__ import annotations
+
+import math
+from decimal import ROUND_FLOOR, Context, Decimal
+from fractions import Fraction
+
+from verify.judge.certificate.file import CertificateFile
+from verify.judge.question import Question
+
+DIGITS = 6  # of seconds after the point
+
+
+def statement_of(
+    file: CertificateFile,
+    question: Question,
+    *,
+    proven: Fraction | None,
+    worst: float,
+    at: tuple[float, float],
+    exact: bool,
+) -> str:
+    """The theorem with its numbers, or that nothing is proven.
+
+    Parameters
+    ----------
+    proven : [s] u(G) - u(S), None when the certificate is refused.
+    worst, at : least relative slack and its place [m].
+    """
+    start, goal = _point(question.setting.start.position), _point(question.setting.goal.position)
+    if proven is None:
+        return f"The certificate is refused: it proves nothing about motions from {start} to {goal}."
+    limits, features = question.setting.limits, question.features
+    fastest = f"v_max = {limits.speed:g} m/s" if math.isfinite(limits.speed) else "no other speed limit"
+    kept, dropped = len(file.triangles), len(file.dropped)
+    low, high = file.metres(file.box.reshape(2, 2)).tolist()
+    seconds = _down(max(proven, Fraction(0)))
+    arithmetic = (
+        "in rational arithmetic (integers, rounded only outward)"
+        if exact
+        else "in floating point, with every rounding error bounded and counted against the certificate"
+    )
+    sides = f"{len(features.table)} sides, walls, points and circles with the boundary"
+    return (
+        f"Asked: how fast a disc of radius {limits.radius:g} m can get from {start} to {goal} among the "
+        f"scenario's {len(features.names)} obstacles ({sides}) if it can stop within its clearance at every "
+        f"instant: V is the greatest such speed (a_b = {limits.braking:g} m/s^2, reaction time "
+        f"{limits.reaction_time:g} s, margin {limits.margin:g} m, {fastest}). The certificate holds a "
+        f"continuous function u, quadratic on each of {kept} triangles. With {dropped} triangles in which "
+        f"the robot cannot move they tile the box from {_point(low)} to {_point(high)}, which holds the whole "
+        f"floor; this was checked in integers. At their corners |grad u| is at most a lower bound of 1/V "
+        f"that is affine on each triangle, so |grad u| <= 1/V everywhere on it: all {3 * kept} inequalities "
+        f"hold {arithmetic}, the tightest with a relative slack of {worst:.2g} at {_point(at)}. So u grows "
+        f"by at most one second a second along any motion, and u(goal) - u(start) is {seconds} s, rounded down. "
+        f"Hence: no motion of the variational model from {start} to {goal}, in whatever homotopy class, "
+        f"takes less than {seconds} s."
+    )
+
+
+def _point(position: tuple[float, float] | list[float]) -> str:
+    x, y = position
+    return f"({x:.9g}, {y:.9g}) m"
+
+
+def _down(value: Fraction) -> str:
+    """Rounded down to `DIGITS` digits after the point."""
+    steps = math.floor(value * 10**DIGITS)
+    return str(Decimal(steps).scaleb(-DIGITS, Context(prec=40, rounding=ROUND_FLOOR)))

@@ -1,0 +1,128 @@
+"""Do the triangles tile the box, without gap or overlap, side by side? Decided in integers.
+
+Let every triangle be anticlockwise with positive area and lie in the box, let every directed side occur
+once, and let its reverse occur too unless it lies on one side of the box. Count how many open triangles
+cover a point off all sides. The count is the same everywhere in the open box: on a path that meets sides
+only between their ends (the box without the finitely many vertices is connected), each side crossed is
+left by the one triangle on its left and entered is the one triangle on the left of its reverse, and
+sides on the box's rim are never crossed. So the triangles cover the box M times for one number M: they are a
+2-chain whose boundary is M times that of the box. Their areas then sum to M times the box's, and where
+the sum is the box's area M = 1.
+
+With M = 1 the neighbour across each side has the same two vertices, and around each point the triangles
+follow each other side by side, so that a function given by one value for each vertex and side is
+continuous: no vertex hangs on a neighbour's side, and two vertices at the same place do no harm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verify.judge.certificate.file import CertificateFile
+from verify.judge.certificate.wording import listed, place_of, side_of
+from verify.judge.features import Features
+
+Indices = NDArray[np.int64]
+
+SAFE_SPAN = 2**31 - 1  # of lattice coordinates: doubled areas fit into 64 bits
+
+
+@dataclass(frozen=True, eq=False)
+class Tiling:
+    """What was found; `side_edges` only where `edges` are those of the kept triangles."""
+
+    faults: tuple[str, ...]
+    side_edges: Indices | None  # (t, 3), row in `edges` of the side from corner i to i + 1
+
+
+def check_tiling(file: CertificateFile, features: Features) -> Tiling:
+    """Check that kept and dropped triangles tile a box around the boundary, and the list of edges."""
+    triangles = np.concatenate([file.triangles, file.dropped]).astype(np.int64)
+    edge_faults, side_edges = _edges(file)
+    faults = [
+        *_box_faults(file, features),
+        *_outside(file, triangles),
+        *_areas(file, triangles),
+        *_sides(file, triangles),
+        *edge_faults,
+    ]
+    return Tiling(tuple(faults), side_edges)
+
+
+def _box_faults(file: CertificateFile, features: Features) -> list[str]:
+    low, high = file.metres(file.box.reshape(2, 2))
+    out = ((features.boundary < low) | (features.boundary > high)).any(axis=1)
+    if not out.any():
+        return []
+    x, y = features.boundary[int(np.argmax(out))]
+    return [f"the box does not contain world.boundary[{int(np.argmax(out))}] = ({x:.9g}, {y:.9g}) m"]
+
+
+def _outside(file: CertificateFile, triangles: Indices) -> list[str]:
+    corner = file.vertices[triangles]
+    out = ((corner < file.box[:2]) | (corner > file.box[2:])).any(axis=(1, 2))
+    return listed("outside the box:", triangles[out], lambda t: place_of(file, t))
+
+
+def _areas(file: CertificateFile, triangles: Indices) -> list[str]:
+    """Orientation of all triangles, and the sum of their areas."""
+    span = int(file.vertices.max()) - int(file.vertices.min())
+    corner = file.vertices[triangles] if span <= SAFE_SPAN else file.vertices.astype(object)[triangles]
+    u, w = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    twice = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
+    turned = triangles[np.asarray(twice <= 0, dtype=bool)]
+    faults = listed("not anticlockwise with positive area:", turned, lambda t: place_of(file, t))
+    x0, y0, x1, y1 = (int(k) for k in file.box)
+    excess = sum(twice.tolist()) - 2 * (x1 - x0) * (y1 - y0)
+    if excess:
+        square = 0.5 * excess * float(file.unit) ** 2
+        what = "more than" if excess > 0 else "less than"
+        faults.append(f"the areas of all triangles sum to {abs(square):.6g} m^2 {what} the box")
+    return faults
+
+
+def _sides(file: CertificateFile, triangles: Indices) -> list[str]:
+    """Every directed side once, and its reverse unless it lies on a side of the box."""
+    count = len(file.vertices)
+    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    key, first, often = np.unique(start * count + end, return_index=True, return_counts=True)
+    twice = first[often > 1]
+    alone = first[~np.isin(end[first] * count + start[first], key)]
+    a, b = file.vertices[start[alone]], file.vertices[end[alone]]
+    on_rim = np.concatenate([(a == k) & (b == k) for k in (file.box[:2], file.box[2:])], axis=1).any(axis=1)
+
+    def tell(k: int) -> str:
+        return side_of(file, start[k], end[k])
+
+    return [
+        *listed("two triangles lie on the same side of", twice, tell),
+        *listed("no other triangle has, as a whole side,", alone[~on_rim], tell),
+    ]
+
+
+def _edges(file: CertificateFile) -> tuple[list[str], Indices | None]:
+    """`edges` against the sides of the kept triangles, each once, i < j, sorted."""
+    count = len(file.vertices)
+    kept = file.triangles.astype(np.int64)
+    ends = np.sort(np.stack([kept, np.roll(kept, -1, axis=1)], axis=2), axis=2)
+    sides = ends[..., 0] * count + ends[..., 1]
+    wanted = np.unique(sides)
+    given = file.edges[:, 0].astype(np.int64) * count + file.edges[:, 1]
+    if np.array_equal(given, wanted):
+        return [], np.searchsorted(wanted, sides)
+    values, often = np.unique(given, return_counts=True)
+
+    def tell(key: int) -> str:
+        return side_of(file, key // count, key % count)
+
+    faults = [
+        *listed("edges: missing is", np.setdiff1d(wanted, given), tell),
+        *listed(
+            "edges: not a side of a kept triangle, or not in order, is", np.setdiff1d(given, wanted), tell
+        ),
+        *listed("edges: more than once there is", values[often > 1], tell),
+    ]
+    return faults or ["edges: not sorted"], None
