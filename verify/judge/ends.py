@@ -39,12 +39,17 @@ def straight_time(limits: Limits, surroundings: Surroundings, start: Any, goal: 
     Derived. No path is shorter than the distance D from start to goal, and along a path the drive limits
     and v_max are those of a double integrator, whose least time grows with the length. It speeds up
     with a_max to the peak p and brakes with a_b, (p^2 - v0^2)/(2 a_max) + (p^2 - v1^2)/(2 a_b) = D, or
-    cruises at v_max in between. A safe end has any speed up to V(d) there, of which V(d) is best. Where
-    even p = max(v0, v1) takes more than D the path is longer, and the time that of this p.
+    cruises at v_max in between. A safe end has any speed up to V(d) there, of which the best is the greatest
+    that the other end's speed can be reached from within D. Where even p = max(v0, v1) takes more than D the
+    path is longer, and the time that of this p.
     """
     v0, v1 = (_speed(limits, surroundings, end) for end in (start, goal))
     gain, brake = limits.acceleration, limits.braking
     distance = math.dist(start.position, goal.position)
+    if start.speed == "safe":
+        v0 = min(v0, math.sqrt(v1 * v1 + 2.0 * brake * distance))
+    if goal.speed == "safe":
+        v1 = min(v1, math.sqrt(v0 * v0 + 2.0 * gain * distance))
     energy = distance + v0 * v0 / (2.0 * gain) + v1 * v1 / (2.0 * brake)
     peak = math.sqrt(2.0 * energy * gain * brake / (gain + brake))
     peak = max(min(peak, limits.speed), v0, v1)
