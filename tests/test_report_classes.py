@@ -98,7 +98,7 @@ def said(text: str) -> str:
 def test_the_page_is_well_formed_with_a_section_on_classes(case):
     page = Page(case[1])
     sections = [a["id"] for tag, a in page.elements if tag == "h2"]
-    assert sections[2:6] == ["times", "map", "classes", "speed"]
+    assert sections[2:6] == ["times", "map", "classes", "bound"]
     ids = [a["id"] for _, a in page.elements if "id" in a]
     assert len(ids) == len(set(ids))
     assert len(case[1].encode()) < LARGEST_PAGE

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from verify.report.numbers import fine_percent, metres, number_in, percent, seconds, with_unit
 from verify.report.palette import method
 from verify.report.story import NOT_PROMISED, OPTIMA, Result, check_rows, executed_plan, travel_times, verdict
+from verify.report.story_bound import bracket_sentence, full_sentence
 from verify.report.story_classes import certificate
 from verify.report.text import plain
 from verify.report.wording import LIMITS
@@ -36,13 +37,7 @@ def answer(result: Result, *, rest_ends: bool, through: Sequence[str] = ()) -> l
             f"Starting and ending as asked costs at least {seconds(cost)}; "
             f"the motion is {_compared(gap, 'above', 'below')} the optimum with that cost added."
         )
-    bound = times.get("lower_bound")
-    if bound is not None:
-        gap = number_in(result, "gaps", "certified")
-        room = f"; the certified gap is {percent(gap)}" if gap is not None else ""
-        sentences.append(
-            f"No path of any homotopy class can be faster than {seconds(bound)} in that model{room}."
-        )
+    sentences += filter(None, [bracket_sentence(result), full_sentence(result)])
     route = times.get("voronoi_route")
     if route is not None and optimum is not None:
         sentences.append(

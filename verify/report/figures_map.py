@@ -30,6 +30,7 @@ from vnav_drake.world import World
 
 Array = NDArray[np.float64]
 
+GROUND = 0.5  # drawing order of the floor: what covers it, below the obstacles, lies between this and 1
 MOST_NAMES = 60  # more names than that are noise on a map
 COLOURED_PIECES = 320  # pieces of one colour each along the executed path
 LOWEST_UPRIGHT_BAR = 330.0  # [px] height of a map beside which its colour bar can stand
@@ -141,8 +142,8 @@ def map_height(world: World, width: float, *, bar: bool) -> float:
     )
 
 
-def draw_world(axes: Axes, world: World, *, names: bool) -> None:
-    """Floor, obstacles with their names, and a scale bar above; equal scales."""
+def draw_world(axes: Axes, world: World, *, names: bool, scale: bool = True) -> None:
+    """Floor, obstacles with their names, and a scale bar above unless `scale` is off; equal scales."""
     x0, y0, x1, y1 = world.bounds
     axes.set_aspect("equal")
     axes.grid(False)
@@ -151,12 +152,16 @@ def draw_world(axes: Axes, world: World, *, names: bool) -> None:
     axes.tick_params(length=3)
     axes.add_collection(
         PathCollection(
-            [_outline(world.boundary)], facecolors=FLOOR.light, edgecolors=INK.light, linewidths=1.4
+            [outline(world.boundary)],
+            facecolors=FLOOR.light,
+            edgecolors=INK.light,
+            linewidths=1.4,
+            zorder=GROUND,
         )
     )
     axes.add_collection(
         PathCollection(
-            [_outline(p) for p in world.blocked],
+            [outline(p) for p in world.blocked],
             facecolors=RACK.light,
             edgecolors=RACK_EDGE.light,
             linewidths=0.8,
@@ -169,12 +174,14 @@ def draw_world(axes: Axes, world: World, *, names: bool) -> None:
     foot = max(0.075 * (y1 - y0), 0.03 * (x1 - x0))
     axes.set_xlim(x0 - pad, x1 + pad)
     axes.set_ylim(y0 - pad, y1 + foot + pad)
-    _scale_bar(axes, (x0, y1 + 0.6 * foot), x1 - x0)
+    if scale:
+        _scale_bar(axes, (x0, y1 + 0.6 * foot), x1 - x0)
     if names and len(world.obstacles) <= MOST_NAMES:
         _names(axes, world)
 
 
-def _outline(polygon: shapely.Polygon) -> Outline:
+def outline(polygon: shapely.Polygon) -> Outline:
+    """A polygon with its holes as one outline to fill."""
     rings = [polygon.exterior, *polygon.interiors]
     return Outline.make_compound_path(
         *(Outline(np.asarray(ring.coords)[:, :2], closed=True) for ring in rings)

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 
 from verify.report.numbers import percent, seconds
-from verify.report.palette import INK, LIMIT, MUTED, method
+from verify.report.palette import BAD_FILL, INK, LIMIT, MUTED, method
 from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_axes, to_svg
 
 
@@ -29,6 +29,8 @@ class BracketData:
     rows: Sequence[BracketRow]
     reference: str  # method whose time is 0 %
     executed: str  # method whose motion is executed
+    upper: float | None = None  # [s], what the proven bound is held against; None: no bracket
+    full_bound: float | None = None  # [s], what no motion of the full robot can beat
 
 
 def draw_bracket(data: BracketData) -> Picture:
@@ -74,6 +76,7 @@ def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Mark
             (share, 1.0, (152, 0), "right"),
         ):
             _write(axes, words, (at, i), offset, look.text, bold, ha=side, va="center", fontsize=11)
+    _draw_proven(axes, data, narrow=narrow)
     if reference is not None:
         axes.axvline(
             reference,
@@ -91,6 +94,23 @@ def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Mark
     axes.locator_params(axis="x", nbins=4 if narrow else 8)
     axes.xaxis.get_major_formatter().set_useOffset(False)  # type: ignore[attr-defined]
     return to_svg(figure, **described)
+
+
+def _draw_proven(axes: Axes, data: BracketData, *, narrow: bool) -> None:
+    """The bracket of the proven bound, on its row and over all rows, and that of the full robot."""
+    rows = {row.method: (i, row.travel_time) for i, row in enumerate(data.rows)}
+    if "lower_bound" not in rows:
+        return
+    i, proven = rows["lower_bound"]
+    axes.axvspan(0.0, proven, color=BAD_FILL.light, lw=0.0, zorder=-1)
+    axes.axvline(proven, color=INK.light, lw=1.4, zorder=1)
+    if data.upper is not None:
+        edge = [proven, proven, data.upper, data.upper]
+        axes.plot(edge, [i - 0.28, i + 0.28, i + 0.28, i - 0.28], color=INK.light, lw=1.4, clip_on=False)
+    if data.full_bound is not None and "refined" in rows:
+        k, time = rows["refined"]
+        axes.plot([data.full_bound] * 2, [k - 0.32, k + 0.32], color=INK.light, lw=2.4)
+        axes.plot([data.full_bound, time], [k + 0.28] * 2, color=INK.light, lw=1.0)
 
 
 def _write(

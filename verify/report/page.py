@@ -12,20 +12,24 @@ import numpy as np
 
 from verify.report import story
 from verify.report.answer import answer
+from verify.report.bound import BoundMesh, read_bound
 from verify.report.drawings import SpeedGraphDrawing
 from verify.report.evidence import Evidence, read_evidence
+from verify.report.figures_bound import draw_closing
 from verify.report.figures_classes import draw_class_map, draw_class_speeds, draw_newton
 from verify.report.figures_graph import draw_graphs
 from verify.report.figures_map import MapData, draw_map
 from verify.report.figures_margins import MarginsData, draw_margins
 from verify.report.figures_mesh import MeshData, draw_mesh
 from verify.report.figures_motion import FrictionData, SpeedData, draw_friction, draw_speed_curve
+from verify.report.figures_potential import Way, draw_potential, draw_slack
 from verify.report.figures_time import BracketData, BracketRow, draw_bracket
 from verify.report.figures_tracking import TrackingData, draw_tracking
 from verify.report.html import render, write_whole
 from verify.report.numbers import duration, number_in, significant
 from verify.report.palette import METHODS, method
 from verify.report.series import margins, mesh_of
+from verify.report.story_bound import BoundStory, bound_story, closing, full_bound, upper
 from verify.report.story_classes import analytic_row, class_rows, graph_words
 from verify.report.svg import Picture
 from verify.report.wording import GLOSSARY, VERDICTS
@@ -108,6 +112,7 @@ def write_report(
         graph_words=graph_words(result),
         through=scenario.plan.through,
         **_class_sections(problem, extras.speed_graph),
+        **_bound_sections(problem, result, evidence, folder),
         map=_map(problem, evidence, extras, strayed=story.strayed(result)),
         map_lines=[method(name) for name, _ in _map_lines(evidence)]
         + ([method("simulation")] if story.strayed(result) and evidence.simulation is not None else []),
@@ -163,6 +168,8 @@ def _bracket(result: Mapping[str, Any]) -> Section:
         rows=[BracketRow(method=name, travel_time=time) for name, time in times.items()],
         reference=story.reference_plan(result),
         executed=story.executed_plan(result),
+        upper=upper(result)[0],
+        full_bound=full_bound(result) if "refined" in times else None,
     )
     return Section(pictures=[draw_bracket(data)])
 
@@ -233,6 +240,36 @@ def _class_sections(problem: Problem, drawing: SpeedGraphDrawing) -> dict[str, S
         "newton": Section(pictures=draw_newton(drawing.classes)),
         "graphs": Section(pictures=draw_graphs(problem, drawing.graphs)),
     }
+
+
+def _bound_sections(
+    problem: Problem, result: Mapping[str, Any], evidence: Evidence, folder: Path
+) -> dict[str, BoundStory | Section]:
+    told, curves = bound_story(result), closing(result)
+    mesh, reason = (None, "") if told.missing else read_bound(folder)
+    drawn: Sequence[Picture] = ()
+    if mesh is not None:
+        drawn = _bound_maps(problem, mesh, result, evidence)
+    return {
+        "bound": told,
+        "bound_potential": Section(
+            pictures=drawn[:1], missing=told.missing or (reason and f"No picture of it: {reason}.")
+        ),
+        "bound_slack": Section(pictures=drawn[1:]),
+        "bound_closing": Section(
+            pictures=[] if curves is None else [draw_closing(curves)],
+            missing="" if curves or told.missing else "No rounds of refinement were recorded.",
+        ),
+    }
+
+
+def _bound_maps(
+    problem: Problem, mesh: BoundMesh, result: Mapping[str, Any], evidence: Evidence
+) -> Sequence[Picture]:
+    """The certificate's pictures, the way on top being the one that the bound is compared with."""
+    names = [name for name in (upper(result)[1], *story.OPTIMA) if name in evidence.plans]
+    way = Way(method=names[0], motion=evidence.plans[names[0]]) if names else None
+    return [draw_potential(problem, mesh, way), *draw_slack(problem, mesh, way)]
 
 
 def _mesh(problem: Problem, result: Mapping[str, Any], evidence: Evidence, extras: ReportExtras) -> Section:

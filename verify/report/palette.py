@@ -111,6 +111,37 @@ def rank_variable(rank: int) -> str:
     return f"--rank-{min(max(rank, 1), len(RANKS))}"
 
 
+# Relative slack of a certificate's triangles, from loose to tight: the tight ones stand out on both grounds.
+SLACKS: tuple[Tone, ...] = (
+    Tone("#faf4ec", "#241f22"),
+    Tone("#f2d8bb", "#48332f"),
+    Tone("#e2a67b", "#85533f"),
+    Tone("#bc634f", "#ce8957"),
+    Tone("#792939", "#ffd8a1"),
+)
+
+
+def _ramp(first: str, middle: str, last: str, steps: int) -> list[str]:
+    """Colours at equal steps through three, linear in sRGB."""
+    known = [[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in (first, middle, last)]
+    colours = []
+    for k in range(steps):
+        at = 2.0 * k / (steps - 1)
+        below, share = min(int(at), 1), at - min(int(at), 1)
+        pair = zip(known[below], known[below + 1], strict=True)
+        colours.append("#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in pair))
+    return colours
+
+
+# Bands of a potential between isochrones, from early to late: quiet, as paths cross them.
+BANDS: tuple[Tone, ...] = tuple(
+    Tone(light, dark)
+    for light, dark in zip(
+        _ramp("#f3f8ef", "#a8d5b1", "#4e997f", 18), _ramp("#182420", "#27574a", "#4d9480", 18), strict=True
+    )
+)
+
+
 _TONES: Mapping[str, Tone] = MappingProxyType(
     {
         "--ink": INK,
@@ -125,6 +156,8 @@ _TONES: Mapping[str, Tone] = MappingProxyType(
         "--bad-fill": BAD_FILL,
         "--casing": CASING,
         **{rank_variable(k): tone for k, tone in enumerate(RANKS, 1)},
+        **{f"--slack-{k}": tone for k, tone in enumerate(SLACKS, 1)},
+        **{f"--band-{k}": tone for k, tone in enumerate(BANDS, 1)},
     }
 )
 

@@ -229,7 +229,8 @@ def time_rows(result: Result) -> list[TimeRow]:
         rows.append(
             TimeRow(
                 look=method(name),
-                model=words(facts.get("model")).replace("_", " ") or DASH,
+                model=words(facts.get("model")).replace("_", " ")
+                or ("variational" if name == "lower_bound" else DASH),
                 travel_time=seconds(time),
                 above="reference"
                 if name == reference_plan(result)
@@ -238,7 +239,9 @@ def time_rows(result: Result) -> list[TimeRow]:
                 else DASH,
                 length=metres(number_in(facts, "length")),
                 solver=words(facts.get("solver") or facts.get("method")) or DASH,
-                intervals=count(number_in(facts, "intervals") or number_in(facts, "triangles")),
+                intervals=f"{count(number_in(facts, 'triangles'))} triangles"
+                if name == "lower_bound"
+                else count(number_in(facts, "intervals")),
                 iterations=count(number_in(facts, "iterations")),
                 compute_time=duration(number_in(facts, "compute_time")),
                 executed=name == executed_plan(result),

@@ -79,6 +79,7 @@ CHECKS: Mapping[str, str] = MappingProxyType(
         "speed": "Speed limits",
         "travel_time": "Travel time adds up",
         "tracking": "Tracking in simulation",
+        "certificate": "Certificate of the lower bound",
         "emergency_stops": "Emergency stops",
     }
 )
@@ -92,6 +93,16 @@ LIMITS: Mapping[str, str] = MappingProxyType(
         "steering": "the steering limit",
         "drive": "the drive and brake limits",
         "speed": "the speed limits",
+    }
+)
+
+# Why the lower bound was refined no further, by the words in result.json.
+STOPPED: Mapping[str, str] = MappingProxyType(
+    {
+        "gap": "Refinement of the bound stopped as the gap asked for was reached.",
+        "budget": "Refinement of the bound stopped as its budget of triangles was spent.",
+        "time": "Refinement of the bound stopped at its time limit: another run may get further.",
+        "precision": "Refinement of the bound stopped where the solver's precision ends.",
     }
 )
 
@@ -167,6 +178,21 @@ GLOSSARY: tuple[tuple[str, str, str], ...] = (
         "Lower bound",
         "A travel time that no path of any homotopy class can beat, with a proof that is checked on its own.",
         "Derived: u with |∇u| ≤ 1/V(d) proves T ≥ u(goal) − u(start)",
+    ),
+    (
+        "Potential, isochrone",
+        "A function u of the place that no motion climbs faster than time passes; its lines of equal value.",
+        "Derived: see docs/certificate.md",
+    ),
+    (
+        "Slack",
+        "What a triangle's bound on the slowness 1/V leaves above the slope of u, as a share of the bound.",
+        "Derived: see docs/certificate.md",
+    ),
+    (
+        "Cost of the ends E",
+        "Proven extra time of a motion that must start or end at a given speed instead of the safe one.",
+        "Derived: the way is cut where the safe speed can be reached, and compared with the straight chord",
     ),
     (
         "Worst violation",
