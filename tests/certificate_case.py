@@ -1,4 +1,4 @@
-"""Certificates made by hand: any mesh, any function, scaled until it is one. Shares no code with either side."""
+"""Certificates made by hand: any mesh, any function, scaled until it is one; with formulas of their own."""
 
 from __future__ import annotations
 
@@ -107,7 +107,8 @@ def rescale(arrays: Arrays) -> None:
     assert factor > 0.0
     arrays["u_vertex"] = arrays["u_vertex"] * factor
     arrays["u_edge"] = arrays["u_edge"] * factor
-    arrays["travel_time"] = np.array((at(arrays, "goal") - at(arrays, "start")) * BELOW)
+    rise = at(arrays, "goal") - at(arrays, "start")
+    arrays["travel_time"] = np.array(rise - (1.0 - BELOW) * abs(rise))
 
 
 def at(arrays: Arrays, end: str) -> float:
@@ -171,17 +172,17 @@ def _blocked(asked: Question, points: np.ndarray, triangles: np.ndarray) -> np.n
     found = np.full(len(triangles), np.nan)
     shapes = shapely.polygons(points[triangles])
     hall = shapely.Polygon(features.boundary)
-    found[~shapely.relate_pattern(shapes, hall, "T********")] = -1
-    for index, vertices in features.polygons.items():
-        found[shapely.covers(shapely.Polygon(vertices), shapes)] = -2 - index
     near = (distances(points, features.table) <= limits.radius + limits.margin)[triangles].all(axis=1)
     hit = near.any(axis=1)
     found[hit] = np.argmax(near[hit], axis=1)
+    found[~shapely.relate_pattern(shapes, hall, "T********")] = -1
+    for index, vertices in features.polygons.items():
+        found[shapely.covers(shapely.Polygon(vertices), shapes)] = -2 - index
     return found
 
 
 def _terms(asked: Question, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The two nearest features of each triangle with their tangents; all weight on the better, or half each."""
+    """Tangents of the two features nearest to each triangle; all weight on the better, or half each."""
     limits, table = asked.setting.limits, asked.features.table
     gap = np.stack([distances(corners[:, i], table) for i in range(3)], 1)  # (t, 3, f)
     nearest = np.argsort(gap.mean(axis=1), axis=1)[:, :TERMS]

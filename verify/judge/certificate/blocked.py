@@ -25,7 +25,8 @@ Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 OUTSIDE = -1  # blocked by being outside the boundary; -2 - k: inside obstacle k
-CHUNK = 4096  # triangles compared with sides at once
+CHUNK = 2_000_000  # pairs of triangles and sides compared at once, at most
+MOST_PAIRS = 50_000_000  # in all: far more than near any mesh that was not made to be slow
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,18 +66,14 @@ def check_blocked(file: CertificateFile, features: Features, limits: Limits, *, 
         "dropped, but a corner is farther from its feature than the robot must stay:",
         near[~_all_near(file, near, features, limits, exact)],
     )
-    outlines = _Outlines.of(features)
     solid = np.flatnonzero((reason < 0) & ~strange)
-    parts = [solid[first : first + CHUNK] for first in range(0, len(solid), CHUNK)]
-    met = [_met(file, rows, outlines, exact) for rows in parts]
-    crossed = np.concatenate(met) if met else np.zeros(0, dtype=bool)
-    refuse("dropped, but a side of what it is said to lie in or outside of runs through it:", solid[crossed])
-    clear = [rows[~hit] for rows, hit in zip(parts, met, strict=True)]
-    inside = [_inside(file, rows, outlines, exact) for rows in clear]
-    for rows, within_outline in zip(clear, inside, strict=True):
-        outside = reason[rows] == OUTSIDE
-        refuse("dropped as outside the boundary, but inside it:", rows[outside & within_outline])
-        refuse("dropped as inside an obstacle, but outside of it:", rows[~outside & ~within_outline])
+    through, inside = _against_outlines(file, solid, _Outlines.of(features), exact)
+    if through is None or inside is None:
+        return [*faults, "more sides run near the dropped triangles than can be compared with them"]
+    refuse("dropped, but a side of what it is said to lie in or outside of runs through it:", solid[through])
+    outside = reason[solid] == OUTSIDE
+    refuse("dropped as outside the boundary, but inside it:", solid[~through & outside & inside])
+    refuse("dropped as inside an obstacle, but outside of it:", solid[~through & ~outside & ~inside])
     return faults
 
 
@@ -87,24 +84,45 @@ def _all_near(file: CertificateFile, rows: Indices, features: Features, limits: 
     return np.asarray(near.reshape(-1, 3).all(axis=1))
 
 
-def _pairs(boxes: NDArray[np.object_], wanted: Indices, outlines: _Outlines) -> tuple[Indices, Indices]:
-    """Rows of `boxes` and sides whose boxes meet and that answer for what is wanted."""
-    row, side = outlines.tree.query(boxes)
+def _against_outlines(
+    file: CertificateFile, rows: Indices, outlines: _Outlines, exact: bool
+) -> tuple[Mask, Mask] | tuple[None, None]:
+    """Whether the outline that each triangle names meets it, and whether it lies inside, where it does not.
+
+    None where this would take more than `MOST_PAIRS` comparisons.
+    """
+    through, inside = np.zeros(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
+    step, compared = max(1, CHUNK // len(outlines.start)), 0
+    for first in range(0, len(rows), step):
+        part = slice(first, first + step)
+        corner = file.vertices[file.dropped[rows[part]]]
+        wanted = file.blocked_by[rows[part]].astype(np.int64)
+        for answer, test in ((through, _meets), (inside, _contains)):
+            answer[part], pairs = test(file, corner, wanted, outlines, exact)
+            compared += pairs
+        if compared > MOST_PAIRS:
+            return None, None
+    return through, inside
+
+
+def _pairs(low: Array, high: Array, wanted: Indices, outlines: _Outlines) -> tuple[Indices, Indices, int]:
+    """Boxes (r,) and sides that meet, if the side answers for what is wanted (r,); and all pairs, counted."""
+    row, side = outlines.tree.query(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
     fits = outlines.answers[side] == wanted[row]
-    return row[fits], side[fits]
+    return row[fits], side[fits], len(row)
 
 
-def _met(file: CertificateFile, rows: Indices, outlines: _Outlines, exact: bool) -> Mask:
-    """Whether a side of the outline that triangle `rows` names meets the open triangle; same length.
+def _meets(
+    file: CertificateFile, lattice: Indices, wanted: Indices, outlines: _Outlines, exact: bool
+) -> tuple[Mask, int]:
+    """Whether a side of its outline meets each open triangle (r, 3, 2); (r,).
 
     Separating lines: an open convex polygon and a segment are disjoint where a line along a side of
     one of them has them on different sides, as 0 is then outside an edge of the polygon of
     differences, and each of its edges is parallel to one of theirs. Touching is not meeting.
     """
-    corner = file.points[file.dropped[rows]]
-    low, high = corner.min(axis=1), corner.max(axis=1)
-    boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
-    row, side = _pairs(boxes, file.blocked_by[rows].astype(np.int64), outlines)
+    corner = file.metres(lattice)
+    row, side, compared = _pairs(corner.min(axis=1), corner.max(axis=1), wanted, outlines)
     a, b, triangle = outlines.start[side], outlines.end[side], corner[row]
     apart = np.zeros(len(row), dtype=bool)
     for i in range(3):
@@ -113,26 +131,24 @@ def _met(file: CertificateFile, rows: Indices, outlines: _Outlines, exact: bool)
     turns = np.stack([orientation(a, b, triangle[:, i], exact=exact) for i in range(3)])
     # A side of no length has no line; its point belongs to the sides before and after it.
     apart |= ((turns >= 0).all(axis=0) | (turns <= 0).all(axis=0)) & (a != b).any(axis=1)
-    hit = np.zeros(len(rows), dtype=bool)
-    hit[row[~apart]] = True
-    return hit
+    return np.bincount(row[~apart], minlength=len(lattice)) > 0, compared
 
 
-def _inside(file: CertificateFile, rows: Indices, outlines: _Outlines, exact: bool) -> Mask:
-    """Whether the triangles lie inside the outline that each names, which must not meet them; same length.
+def _contains(
+    file: CertificateFile, lattice: Indices, wanted: Indices, outlines: _Outlines, exact: bool
+) -> tuple[Mask, int]:
+    """Whether each triangle (r, 3, 2) lies inside its outline, no side of which may meet it; (r,).
 
     A ray to the right from a point of the open triangle crosses the outline an odd number of times. The
     point is (2 v0 + v1 + v2) / 4, a lattice point of a quarter of the unit, hence exact; no side runs
     through it, and a side counts with its lower end only.
     """
-    corner = file.vertices[file.dropped[rows]]
-    point = file.metres((corner.sum(axis=1) + corner[:, 0]) * 0.25)
-    rays = shapely.box(
-        point[:, 0], point[:, 1], max(outlines.right, float(point[:, 0].max(initial=0.0))), point[:, 1]
-    )
-    row, side = _pairs(rays, file.blocked_by[rows].astype(np.int64), outlines)
+    point = file.metres((lattice.sum(axis=1) + lattice[:, 0]) * 0.25)
+    far = np.column_stack([np.maximum(point[:, 0], outlines.right), point[:, 1]])
+    row, side, compared = _pairs(point, far, wanted, outlines)
     a, b, p = outlines.start[side], outlines.end[side], point[row]
-    upward, downward = (a[:, 1] <= p[:, 1]) & (b[:, 1] > p[:, 1]), (a[:, 1] > p[:, 1]) & (b[:, 1] <= p[:, 1])
+    upward = (a[:, 1] <= p[:, 1]) & (b[:, 1] > p[:, 1])
+    downward = (b[:, 1] <= p[:, 1]) & (a[:, 1] > p[:, 1])
     turn = orientation(a, b, p, exact=exact)
     crossed = (upward & (turn > 0)) | (downward & (turn < 0))
-    return np.asarray(np.bincount(row, crossed, len(rows)).astype(np.int64) % 2 == 1)
+    return np.bincount(row[crossed], minlength=len(lattice)) % 2 == 1, compared

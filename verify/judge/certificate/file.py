@@ -32,6 +32,7 @@ FORMAT = 1
 MOST_LATTICE = 2**40  # of lattice coordinates: differences and their sums are exact in doubles
 MOST_ORIGIN = 2**50  # of origin / unit: lattice points in metres are exact in doubles
 UNIT_POWERS = (-60, 20)  # least and greatest power of two of the unit [m]
+MOST_TRIANGLES = 2_000_000  # kept and dropped together
 MOST_SLOTS = 16  # terms of a minorant
 MOST_POTENTIAL = 1e9  # [s], of control values: thirty years
 MOST_HEADER = 4096  # bytes before an array's numbers
@@ -202,6 +203,8 @@ def _shape_faults(arrays: Mapping[str, NDArray[Any]]) -> list[str]:
         wrong.append(f"{key}: its shape is {actual}, expected ({expected})")
     if not wrong and arrays["feature"].shape[1] > MOST_SLOTS:
         wrong.append(f"feature: more than {MOST_SLOTS} terms a triangle")
+    if not wrong and len(arrays["triangles"]) + len(arrays["dropped"]) > MOST_TRIANGLES:
+        wrong.append(f"more than {MOST_TRIANGLES} triangles")
     if not wrong and not len(arrays["triangles"]):
         wrong.append("triangles: none")
     return wrong

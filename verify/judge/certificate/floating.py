@@ -25,7 +25,7 @@ def slack(corners: Corners, minorants: Minorants) -> Array:
     still = above == 0.0
     room = np.where(below > 0.0, below, 1.0)
     relative = np.where(below > 0.0, (below - above) / room, np.where(still & (below == 0.0), 0.0, -np.inf))
-    return np.asarray(relative)
+    return np.asarray(np.where(np.isfinite(relative), relative - 4.0 * ROUNDING * np.abs(relative), relative))
 
 
 def gradient_above(corners: Corners) -> Array:

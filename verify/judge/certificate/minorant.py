@@ -74,31 +74,32 @@ class Minorants:
         return np.where(self.feature < 0, self.weight, 0.0)
 
 
-def corners_of(file: CertificateFile, side_edges: Indices) -> Corners:
-    """The corners of the kept triangles.
+def corners_of(file: CertificateFile, side_edges: Indices, rows: slice) -> Corners:
+    """The corners of some kept triangles.
 
     Parameters
     ----------
     side_edges : (t, 3), row in `edges` of the side from corner i to i + 1.
     """
-    place = file.vertices[file.triangles]
+    triangles, side_edges = file.triangles[rows], side_edges[rows]
+    place = file.vertices[triangles]
     following, last = np.roll(place, -1, axis=1), np.roll(place, -2, axis=1)
     sides = np.stack([following - place, last - place], axis=2)
-    own = file.u_vertex[file.triangles]
+    own = file.u_vertex[triangles]
     towards = file.u_edge[np.stack([side_edges, np.roll(side_edges, 1, axis=1)], axis=2)]
     first = sides[:, 0].astype(object)
     area = first[:, 0, 0] * first[:, 1, 1] - first[:, 0, 1] * first[:, 1, 0]
     return Corners(own=own, towards=towards, sides=sides, twice_area=area, unit=float(file.unit))
 
 
-def minorants_of(file: CertificateFile, features: Features, limits: Limits) -> Minorants:
-    """The minorants of the kept triangles, with the numbers of the scenario."""
+def minorants_of(file: CertificateFile, features: Features, limits: Limits, rows: slice) -> Minorants:
+    """The minorants of some kept triangles, with the numbers of the scenario."""
     return Minorants(
         points=file.points,
-        triangles=file.triangles.astype(np.int64),
+        triangles=file.triangles[rows].astype(np.int64),
         features=features.table,
-        feature=file.feature.astype(np.int64),
-        speed=file.speed,
-        weight=file.weight,
+        feature=file.feature[rows].astype(np.int64),
+        speed=file.speed[rows],
+        weight=file.weight[rows],
         limits=limits,
     )

@@ -48,13 +48,13 @@ def statement_of(
         f"instant: V is the greatest such speed (a_b = {limits.braking:g} m/s^2, reaction time "
         f"{limits.reaction_time:g} s, margin {limits.margin:g} m, {fastest}). The certificate holds a "
         f"continuous function u, quadratic on each of {kept} triangles. With {dropped} triangles in which "
-        f"the robot cannot move they tile the box from {_point(low)} to {_point(high)}, which holds the whole "
-        f"floor; this was checked in integers. At their corners |grad u| is at most a lower bound of 1/V "
-        f"that is affine on each triangle, so |grad u| <= 1/V everywhere on it: all {3 * kept} inequalities "
-        f"hold {arithmetic}, the tightest with a relative slack of {worst:.2g} at {_point(at)}. So u grows "
-        f"by at most one second a second along any motion, and u(goal) - u(start) is {seconds} s, rounded down. "
-        f"Hence: no motion of the variational model from {start} to {goal}, in whatever homotopy class, "
-        f"takes less than {seconds} s."
+        f"the robot cannot move they tile the box from {_point(low)} to {_point(high)}, which holds the "
+        f"whole floor; this was checked in integers. At their corners |grad u| is at most a lower bound of "
+        f"1/V that is affine on each triangle, so |grad u| <= 1/V everywhere on it: all {3 * kept} "
+        f"inequalities hold {arithmetic}, the tightest with a relative slack of {worst:.2g} at "
+        f"{_point(at)}. So u grows by at most one second a second along any motion, and "
+        f"u(goal) - u(start) is {seconds} s, rounded down. Hence: no motion of the variational model from "
+        f"{start} to {goal}, in whatever homotopy class, takes less than {seconds} s."
     )
 
 

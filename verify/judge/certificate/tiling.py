@@ -70,7 +70,9 @@ def _outside(file: CertificateFile, triangles: Indices) -> list[str]:
 def _areas(file: CertificateFile, triangles: Indices) -> list[str]:
     """Orientation of all triangles, and the sum of their areas."""
     span = int(file.vertices.max()) - int(file.vertices.min())
-    corner = file.vertices[triangles] if span <= SAFE_SPAN else file.vertices.astype(object)[triangles]
+    corner = file.vertices[triangles]
+    if span > SAFE_SPAN:
+        corner = corner.astype(object)
     u, w = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     twice = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
     turned = triangles[np.asarray(twice <= 0, dtype=bool)]
