@@ -216,6 +216,7 @@ class ResultFolder:
     def _carry_over(self) -> None:
         """Bring files of the old folder that this program did not write."""
         ours = {evidence.RESULT, evidence.SCENARIO, evidence.REPORT, evidence.EXECUTED, evidence.SIMULATION}
+        ours |= {evidence.CERTIFICATE}
         ours |= {f"{evidence.TRAJECTORIES}/{plan}.csv" for plan in MODEL_OF_PLAN}
         try:
             listed = evidence.read_result(self.final).get("files")

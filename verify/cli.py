@@ -114,11 +114,16 @@ def _check(arguments: Sequence[str]) -> int:
     )
     parser.add_argument("folder", type=Path, metavar="RESULT_DIR")
     _add_gate(parser, "judge with this limit, not the scenario's, nor that with which the result was made")
+    parser.add_argument(
+        "--exact", action="store_true", help="check the lower bound's certificate in rational arithmetic"
+    )
     parser.add_argument("--quiet", action="store_true", help="print only what failed")
     options = parser.parse_args(arguments)
     from verify.recheck import check_folder
 
-    return check_folder(options.folder, overrides=dict(options.gate), quiet=options.quiet)
+    return check_folder(
+        options.folder, overrides=dict(options.gate), quiet=options.quiet, exact=options.exact
+    )
 
 
 def _schema(arguments: Sequence[str]) -> int:

@@ -25,6 +25,7 @@ REPORT = "report.html"
 TRAJECTORIES = "trajectories"
 EXECUTED = "trajectory.csv"
 SIMULATION = "simulation.csv"
+CERTIFICATE = "certificate.npz"
 SCHEMA = 1  # of result.json
 MAX_NUMBER = 1e12  # in any SI unit: far beyond any motion, and its powers do not overflow
 MAX_BYTES = 128 * 1024 * 1024  # of one file: ten times the largest we write
@@ -152,7 +153,7 @@ def sha256(data: bytes) -> str:
 def manifest(folder: Path) -> dict[str, str]:
     """SHA-256 of each evidence file that can be read, and of the report, by name."""
     found = {}
-    for name in sorted([SCENARIO, EXECUTED, SIMULATION, REPORT, *trajectory_files(folder)]):
+    for name in sorted([SCENARIO, EXECUTED, SIMULATION, CERTIFICATE, REPORT, *trajectory_files(folder)]):
         try:
             found[name] = sha256(read_bytes(folder, name))
         except EvidenceError:

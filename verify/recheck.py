@@ -11,7 +11,7 @@ from types import MappingProxyType
 from verify import evidence
 from verify.evidence import EvidenceError
 from verify.exit_codes import BAD_INPUT, FAILED, OK
-from verify.judge import Judgement, compare, compare_files, decide, examine, gate_overrides
+from verify.judge import Judgement, compare, compare_files, decide, exactly, examine, gate_overrides
 from verify.summary import failures, headline, limits_given
 
 NONE: Mapping[str, float] = MappingProxyType({})
@@ -34,11 +34,12 @@ class Recheck:
         )
 
 
-def recheck(folder: Path, overrides: Mapping[str, float] = NONE) -> Recheck:
+def recheck(folder: Path, overrides: Mapping[str, float] = NONE, *, exact: bool = False) -> Recheck:
     """Every reason not to believe the result in `folder`, and the judgement where one is possible.
 
     `overrides` are limits of gates given for this check, which take precedence over the scenario's and
-    over those with which the result was made.
+    over those with which the result was made. With `exact` the judgements rest on the certificate as
+    checked in rational arithmetic; what the result claims is compared with the usual check.
     """
     try:
         result = evidence.read_result(folder)
@@ -50,22 +51,30 @@ def recheck(folder: Path, overrides: Mapping[str, float] = NONE) -> Recheck:
         findings = examine(folder)
     except EvidenceError as error:
         return Recheck(reasons=reasons + error.reasons)
+    reasons += compare(result, decide(findings, made))
+    if exact:
+        findings = exactly(findings)
     return Recheck(
-        reasons=reasons + compare(result, decide(findings, made)),
+        reasons=reasons,
         judgement=decide(findings, overrides),
         as_made=decide(findings, {**made, **overrides}),
     )
 
 
-def check_folder(folder: Path, *, overrides: Mapping[str, float] = NONE, quiet: bool = False) -> int:
+def check_folder(
+    folder: Path, *, overrides: Mapping[str, float] = NONE, quiet: bool = False, exact: bool = False
+) -> int:
     """Print the judgement, or why the result is refused; returns the exit code.
+
+    With `exact` the certificate is checked in rational arithmetic. What it proves is printed, or each
+    reason to refuse it.
 
     0: judged, and all passed; 1: refused or failed; 2: not a result folder.
     """
     if not folder.is_dir() or not (folder / evidence.RESULT).is_file():
         print(f"verify: {folder}: not a result folder (it has no {evidence.RESULT})", file=sys.stderr)
         return BAD_INPUT
-    found = recheck(folder, overrides)
+    found = recheck(folder, overrides, exact=exact)
     if found.reasons or found.judgement is None or found.as_made is None:
         print(f"{folder}: refused")
         for reason in dict.fromkeys(found.reasons):
@@ -78,9 +87,19 @@ def check_folder(folder: Path, *, overrides: Mapping[str, float] = NONE, quiet: 
     lines = [f"the result was made with other gate limits: {made}"] if made else []
     lines += failures(found.judgement)
     lines += [line for line in failures(found.as_made) if line.partition(":")[0] not in _names(lines)]
-    for line in lines:
+    for line in [*lines, *_about_bound(found.judgement, exact)]:
         print(f"  {line}")
     return OK if found.passed else FAILED
+
+
+def _about_bound(judgement: Judgement, exact: bool) -> list[str]:
+    """What the certificate proves, or each reason to refuse it."""
+    bound = judgement.bound
+    if bound is None:
+        return [f"lower bound: there is no {evidence.CERTIFICATE}"] if exact else []
+    if bound.travel_time is None:
+        return [f"lower bound refused: {reason}" for reason in bound.told]
+    return [f"lower bound proved: {bound.proof.statement}"]
 
 
 def _names(lines: list[str]) -> set[str]:

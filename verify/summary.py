@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 
 from verify.judge import Gate, Judgement
@@ -13,7 +14,10 @@ def headline(judgement: Judgement) -> str:
     names = ("refined", "speed_graph", "collocation", "voronoi_route")
     times = [(name, judgement.plans[name]["travel_time"]) for name in names if name in judgement.plans]
     parts += [f"{name} {time:.3f} s" for name, time in times]
-    for name, words in (("analytic", "analytic gap"), ("refinement", "gap")):
+    if judgement.bound is not None and judgement.bound.travel_time is not None:
+        parts.append(f"lower bound {math.floor(1e3 * judgement.bound.travel_time) / 1e3:.3f} s")
+    named = (("analytic", "analytic gap"), ("refinement", "gap"), ("certified", "certified gap"))
+    for name, words in named:
         if name in judgement.gaps:
             parts.append(f"{words} {round(100.0 * judgement.gaps[name], 3) + 0.0:.3f} %")
     given = limits_given(judgement)

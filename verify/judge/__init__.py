@@ -4,13 +4,15 @@ It imports no planner, no distance query, braking law or speed profile: every qu
 from the scenario's raw numbers and the rows of the trajectory files.
 """
 
+from verify.judge.bound import Bound
 from verify.judge.compare import compare, compare_files, gate_overrides
 from verify.judge.finding import Check, Place
 from verify.judge.gates import GATE_NAMES, Gate
-from verify.judge.verdict import Findings, Judgement, decide, examine, judge
+from verify.judge.verdict import Findings, Judgement, decide, exactly, examine, judge
 
 __all__ = [
     "GATE_NAMES",
+    "Bound",
     "Check",
     "Findings",
     "Gate",
@@ -19,6 +21,7 @@ __all__ = [
     "compare",
     "compare_files",
     "decide",
+    "exactly",
     "examine",
     "gate_overrides",
     "judge",

@@ -21,7 +21,11 @@ LISTED = 20  # differences shown
 # Keys that state a judgement wherever they stand: absent from ours, they must be absent from a claim.
 _JUDGED_KEYS = frozenset({"value", "worst", "violation", "at", "unpromised", "overridden", "scenario_limit"})
 
+# The like, of the lower bound: what a refused certificate does not show.
+_BOUND_KEYS = frozenset({"travel_time", "statement", "reasons", "worst_slack"})
+
 _DECISIVE = re.compile(r"verdict:|checks\[.*\]\.status:|gates\[.*\]\.passed:")  # told first
+_WORDS = re.compile(r"(^|\.)(message|statement|reasons\[\d+\])$")  # sentences with numbers in them
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -108,7 +112,8 @@ def _object_differences(where: str, expected: Mapping[str, Any], claimed: Any) -
             yield from _differences(inner, value, claimed[key])
         else:
             yield f"{inner}: absent, recomputed {_show(value)}"
-    closed = set(claimed) if where.endswith(".violations") else set(claimed) & _JUDGED_KEYS
+    judged = _JUDGED_KEYS | _BOUND_KEYS if where == "lower_bound" else _JUDGED_KEYS
+    closed = set(claimed) if where.endswith(".violations") else set(claimed) & judged
     if where:
         yield from (f"{where}.{key}: claimed, but not found" for key in sorted(closed - set(expected)))
 
@@ -133,7 +138,7 @@ def _agree(where: str, expected: Any, claimed: Any) -> bool:
         if abs(claimed) > sys.float_info.max:  # a whole number beyond any float
             return False
         return abs(claimed - expected) <= RELATIVE * abs(expected) + ABSOLUTE
-    if isinstance(claimed, str) and (where.endswith(".message") or where.startswith("reasons[")):
+    if isinstance(claimed, str) and _WORDS.search(where):
         return _same_text(expected, claimed)
     return bool(expected == claimed)
 

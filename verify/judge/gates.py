@@ -81,10 +81,11 @@ def gaps(times: Times) -> dict[str, float]:
         found["analytic"] = times.speed_graph / times.collocation - 1.0
     if times.refined is not None and times.variational:
         found["refinement"] = times.refined / (times.variational + times.end_cost) - 1.0
-    if times.best_variational is not None and times.lower_bound:
-        found["certified"] = times.best_variational / times.lower_bound - 1.0
-    if times.refined is not None and times.lower_bound:
-        found["certified_full"] = times.refined / (times.lower_bound + times.end_cost) - 1.0
+    proven = times.lower_bound if times.lower_bound is not None and times.lower_bound > 0.0 else None
+    if times.best_variational is not None and proven is not None:
+        found["certified"] = times.best_variational / proven - 1.0
+    if times.refined is not None and proven is not None:
+        found["certified_full"] = times.refined / (proven + times.end_cost) - 1.0
     return found
 
 
@@ -95,6 +96,8 @@ def gates(
     gap: Mapping[str, float],
     checks: Iterable[Check],
     result: str | None,
+    *,
+    no_bound: str = "no lower bound was computed",
 ) -> tuple[Gate, ...]:
     """All six gates.
 
@@ -105,6 +108,7 @@ def gates(
     gap : as from `gaps`.
     checks : of all trajectories.
     result : the plan that is to be executed, None without one.
+    no_bound : why there is no certified gap, where there is none.
     """
     checks = tuple(checks)
     values: dict[str, float | None] = {
@@ -120,7 +124,7 @@ def gates(
     reasons = {
         "analytic_gap": "not evaluated: no speed graph to compare with the collocation",
         "refinement_gap": "not evaluated: no refined trajectory, or no variational optimum",
-        "certified_gap": "not evaluated: no lower bound was computed",
+        "certified_gap": f"not evaluated: {no_bound}",
         "constraint_violation": "not evaluated: there is no trajectory to execute",
         "braking_margin": "not evaluated: there is no trajectory to execute",
         "emergency_stops": "not evaluated: no emergency stops were recorded",

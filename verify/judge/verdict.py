@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
 from verify import evidence
 from verify.evidence import MODEL_OF_PLAN, EvidenceError
+from verify.judge.bound import NAME as LOWER_BOUND
+from verify.judge.bound import Bound, judge_bound
+from verify.judge.certificate import CertificateFile, Proof, check_certificate, read_certificate
 from verify.judge.checks import Setting, check_motion
 from verify.judge.ends import end_cost, straight_time
 from verify.judge.finding import Check
@@ -40,6 +43,7 @@ class Judgement:
     simulation: Mapping[str, Any] | None
     gates: tuple[Gate, ...]
     checks: tuple[Check, ...]
+    bound: Bound | None = None  # what the certificate proves; None without one
 
     @property
     def failing_gates(self) -> tuple[Gate, ...]:
@@ -50,6 +54,12 @@ class Judgement:
     def unmet_gates(self) -> tuple[Gate, ...]:
         """Gates that somebody named but that could not be evaluated."""
         return tuple(gate for gate in self.gates if gate.passed is None and gate.named)
+
+    @property
+    def unfinished_gates(self) -> tuple[Gate, ...]:
+        """Unmet gates whose stage gave nothing to judge: not that of a certificate that was refused."""
+        refused = self.bound is not None and self.bound.travel_time is None
+        return tuple(g for g in self.unmet_gates if not (refused and g.name == "certified_gap"))
 
     @property
     def failing_checks(self) -> tuple[Check, ...]:
@@ -80,6 +90,8 @@ class Judgement:
             result["executed"] = self.executed
         if self.simulation is not None:
             result["simulation"] = dict(self.simulation)
+        if self.bound is not None:
+            result["lower_bound"] = self.bound.as_result()
         return result
 
 
@@ -90,14 +102,17 @@ class Findings:
     question: Question
     motions: Mapping[str, Motion]  # by plan, in the order of the plans
     executed: str | None
+    same: frozenset[str]  # plans that trajectory.csv is a copy of: more than one where they are identical
     checks: tuple[Check, ...]
     simulation: Mapping[str, Any] | None
     gaps: Mapping[str, float]
     end_cost: float  # E [s]
+    certificate: CertificateFile | None = None
+    bound: Bound | None = None
 
 
 def judge(folder: Path, overrides: Mapping[str, float] = MappingProxyType({})) -> Judgement:
-    """Judge the evidence in `folder`: the scenario, the trajectories and the recorded run.
+    """Judge the evidence in `folder`: the scenario, the trajectories, the recorded run and the certificate.
 
     Nothing is planned, solved or simulated, and result.json is not read. `overrides` are gate limits
     that take precedence over the scenario's.
@@ -119,42 +134,82 @@ def examine(folder: Path) -> Findings:
     question = read_question(evidence.read_bytes(folder, evidence.SCENARIO))
     setting = question.setting
     motions = _motions(folder)
-    executed = _executed(folder, motions)
+    same = _executed(folder, motions)
+    executed = same[0] if same else None
+    certificate = read_certificate(folder)
     checks: list[Check] = []
     for name, motion in motions.items():
         checks += check_motion(motion, name, MODEL_OF_PLAN[name], setting)
     simulation, tracking = _simulation(folder, motions.get(executed or ""), setting)
     checks += [tracking, _emergency_stops()]
-    cost, gap = _gaps(setting, motions, checks)
-    return Findings(
+    proof = None if certificate is None else check_certificate(certificate, question)
+    findings = Findings(
         question=question,
         motions=motions,
         executed=executed,
+        same=frozenset(same),
         checks=tuple(checks),
         simulation=simulation,
-        gaps=gap,
-        end_cost=cost,
+        gaps={},
+        end_cost=0.0,
+        certificate=certificate,
     )
+    return _with_proof(findings, proof)
+
+
+def exactly(findings: Findings) -> Findings:
+    """The same, with the certificate checked in rational arithmetic; unchanged without a certificate."""
+    if findings.certificate is None:
+        return findings
+    return _with_proof(findings, check_certificate(findings.certificate, findings.question, exact=True))
+
+
+def _with_proof(findings: Findings, proof: Proof | None) -> Findings:
+    """The gaps, and the check of the certificate, that go with a proof."""
+    setting, motions = findings.question.setting, findings.motions
+    checks = tuple(check for check in findings.checks if check.trajectory != LOWER_BOUND)
+    bound = None if proof is None else judge_bound(proof, motions, checks, setting)
+    cost, gap = _gaps(setting, motions, checks, None if bound is None else bound.travel_time)
+    if bound is not None:
+        checks = (*checks, bound.check)
+    return replace(findings, checks=checks, gaps=gap, end_cost=cost, bound=bound)
 
 
 def decide(findings: Findings, overrides: Mapping[str, float]) -> Judgement:
     """Gates and verdict under the scenario's limits; `overrides` take precedence over them."""
     asked, checks = findings.question, findings.checks
-    gate = gates(asked.gates, asked.named_gates, overrides, findings.gaps, checks, findings.executed)
-    verdict, reasons = _verdict(findings.motions, findings.executed, checks, gate)
+    gate = gates(
+        asked.gates,
+        asked.named_gates,
+        overrides,
+        findings.gaps,
+        checks,
+        findings.executed,
+        no_bound=_no_bound(findings.bound),
+    )
+    executed = _chosen(findings.motions, findings.executed, findings.same, gate)
+    verdict, reasons = _verdict(findings.motions, executed, checks, gate)
     return Judgement(
         scenario=asked.name,
         scenario_sha256=asked.sha256,
         verdict=verdict,
         reasons=reasons,
-        executed=findings.executed,
+        executed=executed,
         plans={name: _plan(name, motion, checks) for name, motion in findings.motions.items()},
         gaps=findings.gaps,
         end_cost=findings.end_cost,
         simulation=findings.simulation,
         gates=gate,
         checks=checks,
+        bound=findings.bound,
     )
+
+
+def _no_bound(bound: Bound | None) -> str:
+    """Why there is no certified gap."""
+    if bound is None:
+        return "no lower bound was computed"
+    return "the certificate is refused" if bound.travel_time is None else "no plan to compare the bound with"
 
 
 def _motions(folder: Path) -> dict[str, Motion]:
@@ -179,15 +234,19 @@ def _motion(folder: Path, file: str) -> Motion:
     return Motion(*(columns[name] for name in COLUMNS))
 
 
-def _executed(folder: Path, motions: Mapping[str, Motion]) -> str | None:
-    """The plan that trajectory.csv is a copy of, byte for byte; None when there is nothing to execute."""
+def _executed(folder: Path, motions: Mapping[str, Motion]) -> list[str]:
+    """The plans that trajectory.csv is a copy of, byte for byte; empty when there is nothing to execute."""
     if not (folder / evidence.EXECUTED).exists():
-        return None
+        return []
     wanted = evidence.read_bytes(folder, evidence.EXECUTED)
-    for name in reversed(tuple(motions)):  # the full model's before the others
-        if evidence.read_bytes(folder, f"{evidence.TRAJECTORIES}/{name}.csv") == wanted:
-            return name
-    raise EvidenceError(f"{evidence.EXECUTED}: differs from every plan in {evidence.TRAJECTORIES}/")
+    same = [
+        name
+        for name in reversed(tuple(motions))  # the full model's before the others
+        if evidence.read_bytes(folder, f"{evidence.TRAJECTORIES}/{name}.csv") == wanted
+    ]
+    if not same:
+        raise EvidenceError(f"{evidence.EXECUTED}: differs from every plan in {evidence.TRAJECTORIES}/")
+    return same
 
 
 def _simulation(folder: Path, motion: Motion | None, setting: Setting) -> tuple[dict[str, Any] | None, Check]:
@@ -212,7 +271,7 @@ def _not_evaluated(name: str, message: str) -> Check:
 
 
 def _gaps(
-    setting: Setting, motions: Mapping[str, Motion], checks: list[Check]
+    setting: Setting, motions: Mapping[str, Motion], checks: Sequence[Check], lower_bound: float | None
 ) -> tuple[float, dict[str, float]]:
     """The extra time of the ends, and the gaps that can be formed."""
     time = {name: motion.travel_time for name, motion in motions.items()}
@@ -228,6 +287,7 @@ def _gaps(
         collocation=time.get("collocation"),
         refined=time.get("refined"),
         best_variational=min((time[name] for name in sound), default=None),
+        lower_bound=lower_bound,
         end_cost=cost,
     )
     return cost, gaps(times)
@@ -284,12 +344,32 @@ def _verdict(
         and check.status != "passed"
         and check.name not in ABSENT_STAGES
     ]
-    optimum = "speed_graph" if "speed_graph" in motions else "collocation"
-    certified = next(g for g in gate if g.name == "certified_gap")
-    if executed == optimum and certified.passed is not True:
+    optimum = _optimum(motions)
+    if executed == optimum and not _gap_certified(gate):
         reasons.append(f"{executed}: the certified gap is not shown to be within its gate")
     if executed not in (optimum, "refined"):
         reasons.append(f"{executed} is neither the variational optimum nor the full model's collocation")
     if reasons:
         return "failed", tuple(reasons)
     return ("refined" if executed == "refined" else "certified"), ()
+
+
+def _optimum(motions: Mapping[str, Motion]) -> str:
+    """The plan that stands for the variational optimum."""
+    return "speed_graph" if "speed_graph" in motions else "collocation"
+
+
+def _gap_certified(gate: Sequence[Gate]) -> bool:
+    return next(g for g in gate if g.name == "certified_gap").passed is True
+
+
+def _chosen(
+    motions: Mapping[str, Motion], executed: str | None, same: frozenset[str], gate: Sequence[Gate]
+) -> str | None:
+    """The plan executed, by its best name: a motion that is several plans at once is the optimum where
+    that is certified, else the first in the order of `_executed`."""
+    optimum = _optimum(motions)
+    others = tuple(name for name in ("refined", optimum) if name in same)
+    if not others:
+        return executed
+    return optimum if optimum in same and _gap_certified(gate) else others[0]

@@ -1,0 +1,125 @@
+"""What the certificate proves, and whether any trajectory contradicts it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from verify.judge.certificate import Proof
+from verify.judge.checks import Setting
+from verify.judge.finding import Check
+from verify.judge.motion import Motion
+
+NAME = "lower_bound"  # what the check is about, in place of a trajectory
+JOINTS = 2e-8  # [m]: more than the jumps between all rows of a motion that passes the check travel_time
+ROUNDING = 1e-12  # relative: of sums over some thousand rows
+IN_MESSAGE, LISTED = 3, 20  # reasons told
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bound:
+    """The checked certificate."""
+
+    proof: Proof
+    beaten: tuple[str, ...] = ()  # trajectories faster than what was proven possible
+
+    @property
+    def travel_time(self) -> float | None:
+        """Proven least travel time [s] of the variational model, over all ways; None: nothing is proven."""
+        return None if self.reasons else float(self.proof.travel_time)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the certificate is refused; empty when it holds."""
+        if not self.proof.holds:
+            return tuple(self.proof.reasons) or ("the certificate does not hold",)
+        return self.beaten
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """The reasons, as many as anyone reads."""
+        more = len(self.reasons) - LISTED
+        return self.reasons[:LISTED] + ((f"and {more} more",) if more > 0 else ())
+
+    @property
+    def check(self) -> Check:
+        """The check `certificate`: `worst` is the least relative slack of its inequality."""
+        slack = float(self.proof.worst)
+        finite = math.isfinite(slack)
+        failed = bool(self.reasons)
+        more = len(self.reasons) - IN_MESSAGE
+        words = [*self.reasons[:IN_MESSAGE], *([f"and {more} more"] if more > 0 else [])]
+        return Check(
+            name="certificate",
+            trajectory=NAME,
+            status="failed" if failed else "passed",
+            message="; ".join(words) or f"no motion is faster than {self._proven} s",
+            worst=slack if finite else None,
+            violation=max(0.0, -slack) if finite else None,
+        )
+
+    @property
+    def _proven(self) -> str:
+        """The proven time, with its last digit rounded down."""
+        return f"{math.floor(1e6 * self.proof.travel_time) / 1e6:.6f}"
+
+    def as_result(self) -> dict[str, Any]:
+        """The judged part of `lower_bound` in result.json."""
+        proof = self.proof
+        entry: dict[str, Any] = {
+            "holds": not self.reasons,
+            "triangles": int(proof.triangles),
+            "dropped": int(proof.dropped),
+            "exact": bool(proof.exact),
+        }
+        if math.isfinite(proof.worst):
+            entry["worst_slack"] = float(proof.worst)
+        if self.travel_time is None:
+            return entry | {"reasons": list(self.told)}
+        return entry | {"travel_time": self.travel_time, "statement": proof.statement}
+
+
+def judge_bound(
+    proof: Proof, motions: Mapping[str, Motion], checks: Iterable[Check], setting: Setting
+) -> Bound:
+    """Hold a proof against every trajectory whose model's promises are kept.
+
+    Each of them obeys the braking distance, so none may take less than what is proven. One that does,
+    by more than what its own checks tolerate, shows a fault in the certificate, its checker or the checks.
+    """
+    found = list(checks)
+    beaten = []
+    for name, motion in motions.items() if proof.holds else ():
+        own = {check.name: check for check in found if check.trajectory == name}
+        if any(check.blocks for check in found if check.trajectory == name):
+            continue
+        longest = motion.travel_time + tolerated_time(motion, own, setting)
+        if longest < proof.travel_time * (1.0 - ROUNDING):
+            beaten.append(
+                f"a trajectory is faster than the bound proves possible: {name} takes "
+                f"{motion.travel_time:.9f} s, the proven least is {proof.travel_time:.9f} s"
+            )
+    return Bound(proof=proof, beaten=tuple(beaten))
+
+
+def tolerated_time(motion: Motion, checks: Mapping[str, Check], setting: Setting) -> float:
+    """Time [s] that a motion may have gained by what its checks tolerate.
+
+    Derived. Let delta be the amount by which d >= t_r v + v^2/(2 a_b) + m is broken at most, and c the
+    least clearance. V is concave and zero at m, so V(d) / (d - m) falls, hence V(d + delta) / V(d) <=
+    1 + delta/(c - m): slowed by that factor (and by the excess over v_max) the motion obeys the law. Its
+    rows may leave gaps, and its ends may miss start and goal, together by e. As distance is 1-Lipschitz,
+    straight pieces across keep the clearance c - e, so they take at most e / V(c - e).
+    """
+    clear = (checks["clearance"].worst or 0.0) - setting.limits.margin
+    miss = JOINTS
+    for row, end in ((0, setting.start), (-1, setting.goal)):
+        miss += math.hypot(motion.x[row] - end.position[0], motion.y[row] - end.position[1])
+    if clear <= 2.0 * miss:
+        return math.inf  # too close to the law's zero to say anything
+    short = max(0.0, -(checks["braking_distance"].worst or 0.0))
+    factor = (1.0 + short / clear) * (1.0 + (checks["speed"].violation or 0.0))
+    across = miss / setting.limits.safe_speed(setting.limits.margin + clear - miss)
+    return (factor - 1.0) * motion.travel_time + across * factor
