@@ -121,7 +121,8 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, progress: Progress
                 print(f"  {line}", flush=True)
     if options.open:
         webbrowser.open(outcome.report.absolute().as_uri())
-    return outcome.exit_code, Suite(name=name, judgement=judgement, missing=missing)
+    unfinished = tuple(f"{item.stage}: {item.reason}" for item in outcome.unfinished)
+    return outcome.exit_code, Suite(name=name, judgement=judgement, missing=unfinished)
 
 
 def _write_index(out: Path) -> None:

@@ -14,6 +14,8 @@ import numpy as np
 from verify import evidence
 from verify.analytic import run_speed_graph
 from verify.atomic import ResultFolder
+from verify.bounding import GATE, about, aimed_gap, run_lower_bound
+from verify.choosing import drive_as_planned, optimum_to_execute
 from verify.execution import execute
 from verify.exit_codes import FAILED, OK, UNFINISHED
 from verify.interruption import Interruption
@@ -51,9 +53,14 @@ class Outcome:
     not_available: tuple[Mapping[str, str], ...] = ()
 
     @property
+    def unfinished(self) -> tuple[Missing, ...]:
+        """What is missing, but for stages that only serve a gate: there the gate decides."""
+        return tuple(item for item in self.missing if not item.only_for)
+
+    @property
     def exit_code(self) -> int:
         """0: all passed, 1: something failed, 3: a stage could not finish or a named gate has no stage."""
-        if self.missing or self.judgement.unmet_gates:
+        if self.unfinished or self.judgement.unfinished_gates:
             return UNFINISHED
         return OK if self.judgement.passed else FAILED
 
@@ -100,12 +107,13 @@ def _fill(
         interruption.check()
         say(text)
 
-    done = _run_stages(scenario, heeding, interruption)
-    say(f"{scenario.name}: judging")
-    _write_evidence(folder.work, scenario, done)
-    begun = time.perf_counter()
-    judgement = judge(folder.work, overrides)
-    done.seconds["judge"] = time.perf_counter() - begun
+    stages = Stages(scenario=scenario, say=heeding, interruption=interruption)
+    done = stages.done
+    _plan(stages, overrides)
+    judgement = _executed_optimum(stages, folder.work, overrides)
+    if judgement is None:
+        _execute_refined(stages)
+        judgement = _judged(stages, folder.work, overrides)
     result = _result(judgement, done, overrides)
     result["not_available"] = [
         {"method": name, "reason": ABSENT} for name in scenario.plan.methods if name in ABSENT_METHODS
@@ -130,10 +138,10 @@ def _fill(
     )
 
 
-def _run_stages(scenario: Scenario, say: Say, interruption: Interruption) -> Progress:
+def _plan(stages: Stages, overrides: Mapping[str, float]) -> None:
     """Each stage from what came before; what cannot finish is noted, and what does not need it goes on."""
-    stages = Stages(scenario=scenario, say=say, interruption=interruption)
-    done, problem = stages.done, scenario.problem
+    scenario, done = stages.scenario, stages.done
+    problem = scenario.problem
     diagram = done.diagram = stages.run("voronoi", lambda: build_diagram(problem.world, problem.robot.radius))
     if diagram is None:
         for name in SEEDING:
@@ -148,16 +156,58 @@ def _run_stages(scenario: Scenario, say: Say, interruption: Interruption) -> Pro
     if not seeds:
         stages.skip("collocation", "a seed")
         stages.skip("refined", "a seed")
+    told, limit = stages.told("lower bound"), aimed_gap(scenario, overrides)
+    done.bound = stages.run(
+        "lower_bound", lambda: run_lower_bound(scenario, done.plans, limit, told), only_for=GATE
+    )
+
+
+def _executed_optimum(stages: Stages, folder: FilePath, overrides: Mapping[str, float]) -> Judgement | None:
+    """The judgement with the variational optimum executed, where that is certified; else None.
+
+    Nothing is left to refine then. Whether it is so, the judge says.
+    """
+    scenario, done = stages.scenario, stages.done
+    if done.bound is None:
+        return None
+    optimum = optimum_to_execute(scenario, done.plans)
+    if optimum is None:
+        return None
+    run = stages.run("simulation", lambda: drive_as_planned(scenario, optimum))
+    if run is None:
+        return None
+    done.executed, done.run = optimum.method, run
+    judgement = _judged(stages, folder, overrides)
+    if judgement.verdict == "certified" and judgement.passed:
+        return judgement
+    done.executed, done.run = None, None
+    return None
+
+
+def _execute_refined(stages: Stages) -> None:
+    """Drive the refined plan, held back where the vehicle cannot follow it."""
+    scenario, done = stages.scenario, stages.done
     refined = done.plans.get("refined")
     if refined is None:
         stages.skip("simulation", "a refined trajectory")
-    else:
-        told = stages.told("simulation")
-        execution = stages.run("simulation", lambda: execute(scenario, refined, told))
-        if execution is not None:
-            done.keep(execution.plan)
-            done.run = execution.run
-    return done
+        return
+    done.executed = refined.method
+    told = stages.told("simulation")
+    execution = stages.run("simulation", lambda: execute(scenario, refined, told))
+    if execution is not None:
+        done.keep(execution.plan)
+        done.run = execution.run
+
+
+def _judged(stages: Stages, folder: FilePath, overrides: Mapping[str, float]) -> Judgement:
+    """The judgement of what there is so far."""
+    stages.say(f"{stages.scenario.name}: judging")
+    _write_evidence(folder, stages.scenario, stages.done)
+    begun = time.perf_counter()
+    judgement = judge(folder, overrides)
+    seconds = stages.done.seconds
+    seconds["judge"] = seconds.get("judge", 0.0) + time.perf_counter() - begun
+    return judgement
 
 
 def _seeds(stages: Stages, diagram: VoronoiDiagram, gates: Gates) -> list[Seed]:
@@ -211,14 +261,18 @@ def _require_known(scenario: Scenario, gates: Gates) -> None:
 
 def _write_evidence(folder: FilePath, scenario: Scenario, done: Progress) -> None:
     (folder / evidence.SCENARIO).write_bytes(scenario.data)
-    (folder / evidence.TRAJECTORIES).mkdir()
+    (folder / evidence.TRAJECTORIES).mkdir(exist_ok=True)
     for name, plan in done.plans.items():
         plan.trajectory.to_csv(folder / evidence.TRAJECTORIES / f"{name}.csv")
-    if "refined" in done.plans:
-        copy = (folder / evidence.TRAJECTORIES / "refined.csv").read_bytes()
+    for name in (evidence.EXECUTED, evidence.SIMULATION):  # of an earlier choice
+        (folder / name).unlink(missing_ok=True)
+    if done.executed is not None:
+        copy = (folder / evidence.TRAJECTORIES / f"{done.executed}.csv").read_bytes()
         (folder / evidence.EXECUTED).write_bytes(copy)
     if done.run is not None:
         done.run.to_csv(folder / evidence.SIMULATION)
+    if done.bound is not None:
+        done.bound.certificate.save(folder / evidence.CERTIFICATE)
 
 
 def _result(judgement: Judgement, done: Progress, overrides: Mapping[str, float]) -> dict[str, Any]:
@@ -231,10 +285,13 @@ def _result(judgement: Judgement, done: Progress, overrides: Mapping[str, float]
         result["plans"][name] |= facts | {"compute_time": done.seconds[name]}
     if done.run is not None and "simulation" in result:
         figures = result["simulation"]
-        about = plain(done.run.details)
+        driven = plain(done.run.details)
         result["simulation"] = (
-            about | figures | {"model": done.run.model, "compute_time": done.seconds["simulation"]}
+            driven | figures | {"model": done.run.model, "compute_time": done.seconds["simulation"]}
         )
+    if done.bound is not None and "lower_bound" in result:
+        how = plain(about(done.bound)) | {"compute_time": done.seconds["lower_bound"]}
+        result["lower_bound"] = how | result["lower_bound"]
     result["gate_overrides"] = dict(overrides)
     result["missing"] = [{"stage": item.stage, "reason": item.reason} for item in done.missing]
     result["compute_times"] = dict(done.seconds)

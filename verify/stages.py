@@ -11,6 +11,7 @@ from systems import SimulationError, SimulationRun
 from verify.analytic import Analytic
 from verify.interruption import Interruption
 from vnav_drake.homotopy import Gates
+from vnav_drake.lower_bound import LowerBound
 from vnav_drake.plan import Plan
 from vnav_drake.problem import NoClassError, NoPathError, PlanningError
 from vnav_drake.scenario import Scenario
@@ -26,6 +27,8 @@ class Missing:
 
     stage: str
     reason: str
+    # The gate that the stage serves and nothing else: without it the run fails only by that gate.
+    only_for: str = ""
 
 
 @dataclass(kw_only=True)
@@ -36,6 +39,8 @@ class Progress:
     diagram: VoronoiDiagram | None = None
     gates: Gates | None = None
     analytic: Analytic | None = None
+    bound: LowerBound | None = None
+    executed: str | None = None  # the plan that the vehicle drove in `run`, or is to drive
     run: SimulationRun | None = None
     missing: list[Missing] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
@@ -56,8 +61,10 @@ class Stages:
     interruption: Interruption
     done: Progress = field(default_factory=Progress)
 
-    def run(self, name: str, work: Callable[[], T]) -> T | None:
+    def run(self, name: str, work: Callable[[], T], *, only_for: str = "") -> T | None:
         """What `work` gives; None when it cannot finish, which is noted.
+
+        `only_for` names the gate that it serves, where the rest can do without it.
 
         Raises
         ------
@@ -73,10 +80,10 @@ class Stages:
             raise self.scenario.error("plan.through", str(error)) from error
         except (PlanningError, SimulationError) as error:
             self.interruption.check()
-            self.done.missing.append(Missing(stage=name, reason=str(error)))
+            self.done.missing.append(Missing(stage=name, reason=str(error), only_for=only_for))
             return None
         finally:
-            self.done.seconds[name] = time.perf_counter() - begun
+            self.done.seconds[name] = self.done.seconds.get(name, 0.0) + time.perf_counter() - begun
             self.interruption.check()  # a stage may have swallowed it
 
     def skip(self, name: str, needs: str) -> None:
