@@ -15,8 +15,8 @@ from scipy.sparse.csgraph import connected_components
 from vnav_drake.lower_bound.certificate import Certificate
 from vnav_drake.lower_bound.cover import Cover, Ground, barycentric
 from vnav_drake.lower_bound.mesh import edges_of
-from vnav_drake.lower_bound.program import Elements, Functional, Solution, solve
-from vnav_drake.lower_bound.refinement import first_cover, worst
+from vnav_drake.lower_bound.program import Elements, Functional, Setting, Solution, solve
+from vnav_drake.lower_bound.refinement import first_cover, losses, worst
 from vnav_drake.problem import NoPathError, PlanningError, Problem
 
 Array = NDArray[np.float64]
@@ -26,7 +26,8 @@ Effort = Literal["quick", "full"]
 Stop = Literal["gap", "budget", "time", "precision"]
 BUDGET = {"quick": 25_000, "full": 150_000}  # triangles of all programs together
 GROWTH = 1.35  # of the number of triangles from round to round
-TOLERANCES = ((1e-7, 10), (1e-6, 50))  # of the solver, and steps of refinement: the next when one fails
+PRECISION = 0.003  # the solver's tolerance as a share of the gap that is expected
+FINEST, COARSEST = 1e-9, 1e-4  # of the solver's tolerance
 GOOD = frozenset({"Solved", "AlmostSolved"})
 SAFETY = 1e-9  # the gradient stays this share below its bound, so that other roundings agree
 ROUNDING = 1e-12  # relative, of a difference of two values of u
@@ -87,7 +88,7 @@ def lower_bound(
     spent = stalled = 0
     while True:
         rows, elements, start, goal = _elements(cover)
-        solution = _solution(elements, start, goal)
+        solution = _solution(elements, start, goal, _expected(cover, best, upper))
         certificate = _certificate(problem, cover, rows, elements, start, goal, solution)
         spent += len(rows)
         rounds.append(
@@ -168,10 +169,29 @@ def _functional(elements: Elements, row: int, point: Array) -> Functional:
     return Functional(elements.control[row].ravel(), np.outer(share, share).ravel())
 
 
-def _solution(elements: Elements, start: Functional, goal: Functional) -> Solution:
-    """Of the first tolerance that the solver reaches, else of the last one."""
-    for tolerance, steps in TOLERANCES:
-        solution = solve(elements, start, goal, tolerance=tolerance, steps=steps)
+def _expected(cover: Cover, best: Certificate | None, upper: float | None) -> float:
+    """The gap expected of the next program, relative: what is lost on the mesh, at most what is open."""
+    if best is None:
+        return 1.0
+    expected = float(losses(cover).sum())
+    if upper is not None and best.travel_time > 0.0:
+        expected = min(expected, upper / best.travel_time - 1.0)
+    return expected
+
+
+def _solution(elements: Elements, start: Functional, goal: Functional, expected: float) -> Solution:
+    """Of the first setting with which the solver succeeds, else of the last one.
+
+    A coarse tolerance while the mesh is coarse is faster, and the flow then spreads over all routes that
+    are nearly as fast, so that they are refined together.
+    """
+    tolerance = float(np.clip(PRECISION * expected, FINEST, COARSEST))
+    for setting in (
+        Setting(tolerance),
+        Setting(tolerance, regularization=1e-7),
+        Setting(10.0 * tolerance, equilibrate=False),
+    ):
+        solution = solve(elements, start, goal, setting)
         if solution.status in GOOD:
             break
     return solution

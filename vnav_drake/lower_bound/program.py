@@ -72,18 +72,29 @@ class Solution:
     status: str
 
 
-def solve(
-    elements: Elements, start: Functional, goal: Functional, *, tolerance: float, steps: int
-) -> Solution:
+@dataclass(frozen=True)
+class Setting:
+    """How Clarabel is asked: rarely it meets a numerical error that another setting avoids."""
+
+    tolerance: float  # of residuals and gap
+    regularization: float = 1e-8  # constant part, added to the linear systems' diagonal
+    equilibrate: bool = True  # scale rows and columns once more
+
+    def options(self) -> SolverOptions:
+        """In Drake's words."""
+        options = SolverOptions()
+        for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
+            options.SetOption(ClarabelSolver.id(), name, self.tolerance)
+        options.SetOption(ClarabelSolver.id(), "static_regularization_constant", self.regularization)
+        options.SetOption(ClarabelSolver.id(), "equilibrate_enable", int(self.equilibrate))
+        return options
+
+
+def solve(elements: Elements, start: Functional, goal: Functional, setting: Setting) -> Solution:
     """Maximise u(goal) - u(start).
 
     Rows are scaled so that each bound is about one: then the solver's residuals are relative errors of
     the bounds, in the smallest triangle as in the largest.
-
-    Parameters
-    ----------
-    tolerance : of Clarabel's residuals and gap.
-    steps : of iterative refinement that Clarabel may take in each linear solve.
     """
     choice, count = elements.choice, len(elements.corners)
     typical = choice.corner[:, 0].max(axis=1)  # [s/m]
@@ -114,7 +125,7 @@ def solve(
     program.AddBoundingBoxConstraint(0.0, 0.0, u[start.number[:1]])  # u is free up to a constant
     program.AddLinearCost(-goal.factor, 0.0, u[goal.number])
     program.AddLinearCost(start.factor, 0.0, u[start.number])
-    result = ClarabelSolver().Solve(program, None, _options(tolerance, steps))
+    result = ClarabelSolver().Solve(program, None, setting.options())
     multiplier = np.array([result.GetDualSolution(cone)[0] for cone in cones]).reshape(-1, 3)
     weight = np.ones(count)
     if len(mixed):
@@ -129,11 +140,3 @@ def solve(
         push=push,
         status=str(result.get_solver_details().status),
     )
-
-
-def _options(tolerance: float, steps: int) -> SolverOptions:
-    options = SolverOptions()
-    for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
-        options.SetOption(ClarabelSolver.id(), name, tolerance)
-    options.SetOption(ClarabelSolver.id(), "iterative_refinement_max_iter", steps)
-    return options

@@ -16,7 +16,7 @@ from vnav_drake.lower_bound.mesh import LEVELS, Mesh
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-FIRST_TRIANGLES = 1500  # kept ones of the first mesh, at least
+FIRST_TRIANGLES, FIRST_PER_FEATURE = 1500, 8  # kept ones of the first mesh, at least
 END_GRADING = 0.5  # first mesh: sides at most this share of the distance to an end
 BULK = 0.7  # share of the expected loss that the marked triangles make up
 BEND_AT_ENDS = 0.05  # loss of a quadratic u around an end, times (side/distance)^2
@@ -28,12 +28,13 @@ _SPOTS = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0], [2.0, 2.0,
 
 
 def first_cover(ground: Ground, bounds: tuple[float, float, float, float]) -> Cover:
-    """A mesh that is finer near features and both ends, of about `FIRST_TRIANGLES` kept triangles."""
+    """A mesh that is finer near features and both ends, with about as many triangles as the world needs."""
+    enough = FIRST_TRIANGLES + FIRST_PER_FEATURE * len(ground.features.table)
     cover = Cover.begin(ground, Mesh.around(bounds))
     side = math.ldexp(cover.mesh.lattice.unit, LEVELS)
     while True:
         cover = cover.grown(partial(_too_wide, side=side), sys.maxsize)
-        if len(cover.kept) >= FIRST_TRIANGLES or not cover.mesh.divisible.any():
+        if len(cover.kept) >= enough or not cover.mesh.divisible.any():
             return cover
         side /= math.sqrt(2.0)
 
