@@ -29,6 +29,9 @@ Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 FURTHEST = 0.55  # contact at this share of the greatest distance at least: the tangent stays positive
+# Where a triangle reaches just to the level, contact is at least this far beyond it: speed is above zero there.
+SHALLOW = 1e-3  # of what the distances differ by
+LEAST = 1e-9  # [m], more
 WEIGHT_GRID = 2.0**-20  # weights are multiples of it, so that two of them add up to one exactly
 CAP = -1  # in place of a feature: the constant 1/v_max
 
@@ -81,8 +84,8 @@ def choose(law: Law, distance: Array, candidate: Indices, flow: Array) -> Choice
     flow : (t, 3), barycentric coordinates of the place where the minorant should be good.
     """
     here = np.einsum("tck,tk->tc", distance, flow)
-    furthest = law.level + FURTHEST * (distance.max(axis=2) - law.level)
-    contact = np.maximum(here, furthest)
+    most, spread = distance.max(axis=2) - law.level, np.ptp(distance, axis=2)
+    contact = np.maximum(here, law.level + np.maximum(FURTHEST * most, SHALLOW * spread + LEAST))
     speed = law.speed(contact)
     corner = law.tangent(speed[..., None], distance)
     value = np.einsum("tck,tk->tc", corner, flow)
