@@ -66,14 +66,14 @@ def test_a_failing_gate_exits_1_and_is_printed_and_rechecked_with_its_limit(tmp_
     cases = {case.get("name"): case for case in ElementTree.parse(junit).iter("testcase")}
     assert set(cases) == {*GATE_NAMES, "verdict"}
     assert cases["refinement_gap"].find("failure") is not None
-    assert cases["certified_gap"].find("skipped") is not None
+    assert cases["emergency_stops"].find("skipped") is not None
     assert len(cases["braking_margin"]) == 0
 
 
 def test_a_gate_the_scenario_names_without_a_stage_exits_3(tmp_path, capsys):
-    gates = {"certified_gap": 0.03, "refinement_gap": 0.5}
+    gates = {"emergency_stops": 0, "refinement_gap": 0.5}
     assert main([str(write(tmp_path, gates=gates)), "--out", str(tmp_path / "out")]) == 3
-    assert "gate certified_gap: not evaluated" in capsys.readouterr().out
+    assert "gate emergency_stops: not evaluated" in capsys.readouterr().out
 
 
 def test_one_bad_file_does_not_stop_the_others_and_the_worst_code_wins(tmp_path, capsys):

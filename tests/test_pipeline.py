@@ -32,7 +32,7 @@ def test_a_run_leaves_the_evidence_the_result_and_the_report():
     folder = outcome().report.parent
     assert outcome().exit_code == 0
     assert set(contents(folder)) == {
-        "scenario.yaml", "trajectory.csv", "simulation.csv", "result.json", "report.html",
+        "scenario.yaml", "trajectory.csv", "simulation.csv", "certificate.npz", "result.json", "report.html",
         "trajectories/speed_graph.csv", "trajectories/voronoi_route.csv", "trajectories/collocation.csv",
         "trajectories/refined.csv",
     }  # fmt: skip
@@ -61,8 +61,8 @@ def test_the_result_has_the_fields_that_users_rely_on():
     }  # fmt: skip
     assert {"model", "travel_time", "max_tracking_error", "min_clearance"} <= set(result["simulation"])
     assert {"vnav_drake", "drake", "numpy", "scipy", "shapely", "python"} <= set(result["versions"])
-    assert "lower_bound" not in result
-    assert set(result["gaps"]) == {"analytic", "refinement"}
+    assert {"travel_time", "method", "triangles", "compute_time"} <= set(result["lower_bound"])
+    assert set(result["gaps"]) == {"analytic", "refinement", "certified", "certified_full"}
 
 
 def test_rest_ends_are_no_faster_than_the_variational_optimum_plus_their_cost():

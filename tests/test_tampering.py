@@ -176,7 +176,9 @@ def set_at(*path: Any, to: Any) -> Callable[[dict[str, Any]], None]:
         (set_at("gaps", "refinement", to=0.0), "gaps.refinement"),
         (set_at("gaps", "certified", to=0.0), "gaps.certified"),
         (set_at("gates", 3, "value", to=lambda v: v + 1e-7), "gates[constraint_violation].value"),
-        (set_at("gates", 2, "passed", to=True), "gates[certified_gap].passed"),
+        (set_at("gates", 2, "passed", to=False), "gates[certified_gap].passed"),
+        (set_at("lower_bound", "travel_time", to=lambda t: t * (1 + 1e-6)), "lower_bound.travel_time"),
+        (set_at("lower_bound", to={}), "lower_bound.travel_time"),
         (set_at("gates", to=lambda g: g[:-1]), "gates"),
         (set_at("verdict", to="certified"), "verdict"),
         (set_at("checks", 0, "status", to="failed"), "checks[boundary of voronoi_route].status"),
@@ -303,6 +305,7 @@ def test_an_edited_scenario_is_refused(folder, capsys):
         REFINED,
         "trajectories/collocation.csv",
         "simulation.csv",
+        "certificate.npz",
         "report.html",
     ],
 )
@@ -321,6 +324,15 @@ def test_a_truncated_file_is_refused(folder, capsys, name):
     assert code == 1
     assert f"{name}: changed since" in text
     assert f"{name}: truncated" in text or f"{name}: differs from every plan" in text
+
+
+def test_a_truncated_certificate_is_refused(folder, capsys):
+    data = (folder / evidence.CERTIFICATE).read_bytes()
+    (folder / evidence.CERTIFICATE).write_bytes(data[: len(data) // 2])
+    code, text = check(folder, capsys)
+    assert code == 1
+    assert "certificate.npz: changed since" in text
+    assert text.count("certificate.npz: ") == 2  # and what is wrong with it
 
 
 @pytest.mark.parametrize(
