@@ -29,7 +29,7 @@ Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 FURTHEST = 0.55  # contact at this share of the greatest distance at least: the tangent stays positive
-# Where a triangle reaches just to the level, contact is at least this far beyond it: speed is above zero there.
+# Where a triangle reaches just to the level, contact is at least this far beyond it, where speed is above zero.
 SHALLOW = 1e-3  # of what the distances differ by
 LEAST = 1e-9  # [m], more
 WEIGHT_GRID = 2.0**-20  # weights are multiples of it, so that two of them add up to one exactly
