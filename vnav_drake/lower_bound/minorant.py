@@ -29,9 +29,10 @@ Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 FURTHEST = 0.55  # contact at this share of the greatest distance at least: the tangent stays positive
-# Where a triangle reaches just to the level, contact is at least this far beyond it, where speed is above zero.
+# Contact is beyond the level by at least this, so that the speed there is above zero.
 SHALLOW = 1e-3  # of what the distances differ by
 LEAST = 1e-9  # [m], more
+SLOWEST = 1e-4  # of the speeds at contact, as a share of the greatest in the world: no slower one matters
 WEIGHT_GRID = 2.0**-20  # weights are multiples of it, so that two of them add up to one exactly
 CAP = -1  # in place of a feature: the constant 1/v_max
 
@@ -42,6 +43,13 @@ class Law:
 
     braking: UniformBraking
     level: float  # [m], distance where the safe speed is zero
+    slowest: float = 0.0  # [m/s], of tangents: any speed is valid, and a solver likes moderate numbers
+
+    @classmethod
+    def within(cls, braking: UniformBraking, level: float, size: float) -> Law:
+        """The law in a world of diameter `size` [m]."""
+        free = cls(braking, level)
+        return cls(braking, level, SLOWEST * float(free.speed(np.array(level + 0.5 * size))))
 
     def speed(self, distance: Array) -> Array:
         """V [m/s] without the cap of v_max; same shape."""
@@ -86,7 +94,7 @@ def choose(law: Law, distance: Array, candidate: Indices, flow: Array) -> Choice
     here = np.einsum("tck,tk->tc", distance, flow)
     most, spread = distance.max(axis=2) - law.level, np.ptp(distance, axis=2)
     contact = np.maximum(here, law.level + np.maximum(FURTHEST * most, SHALLOW * spread + LEAST))
-    speed = law.speed(contact)
+    speed = np.maximum(law.speed(contact), law.slowest)
     corner = law.tangent(speed[..., None], distance)
     value = np.einsum("tck,tk->tc", corner, flow)
     rows = np.arange(len(candidate))
