@@ -108,7 +108,7 @@ def rescale(arrays: Arrays) -> None:
     arrays["u_vertex"] = arrays["u_vertex"] * factor
     arrays["u_edge"] = arrays["u_edge"] * factor
     rise = at(arrays, "goal") - at(arrays, "start")
-    arrays["travel_time"] = np.array(rise - (1.0 - BELOW) * abs(rise))
+    arrays["travel_time"] = np.array(rise - (1.0 - BELOW) * np.abs(arrays["u_vertex"]).max())
 
 
 def at(arrays: Arrays, end: str) -> float:

@@ -219,7 +219,7 @@ def slacks(arrays, asked, folder):
     found = check_tiling(file, asked.features)
     assert not found.faults
     every = slice(None)
-    corners = corners_of(file, found.side_edges, every)
+    corners = corners_of(file, found.side_edges, found.twice_area, every)
     minorants = minorants_of(file, asked.features, asked.setting.limits, every)
     return floating.slack(corners, minorants), rational.slack(corners, minorants)
 

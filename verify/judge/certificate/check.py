@@ -74,17 +74,17 @@ def check_certificate(file: CertificateFile, question: Question, *, exact: bool 
     term_faults, usable = _term_faults(file)
     faults += [*tiling.faults, *term_faults]
     slack = np.full((len(file.triangles), 3), -np.inf)
-    positive = _positive(file)
-    if tiling.side_edges is not None and comparable and usable and positive.all():
+    positive = bool((tiling.twice_area > 0).all())
+    if tiling.side_edges is not None and comparable and usable and positive:
         arithmetic = rational if exact else floating
         for first in range(0, len(slack), CHUNK):
             rows = slice(first, first + CHUNK)
-            corners = corners_of(file, tiling.side_edges, rows)
+            corners = corners_of(file, tiling.side_edges, tiling.twice_area, rows)
             minorants = minorants_of(file, question.features, limits, rows)
             slack[rows] = arithmetic.slack(corners, minorants)
         faults += _steep(file, slack)
     proven = Fraction(0)
-    if tiling.side_edges is not None and positive.all():
+    if tiling.side_edges is not None and positive:
         proven, end_faults = _rise(file, question, tiling.side_edges)
         faults += end_faults
     else:
@@ -135,13 +135,6 @@ def _term_faults(file: CertificateFile) -> tuple[list[str], bool]:
         ),
     ]
     return faults, not faults
-
-
-def _positive(file: CertificateFile) -> NDArray[np.bool_]:
-    """Which kept triangles have positive area; in Python's integers."""
-    corner = file.vertices[file.triangles].astype(object)
-    u, w = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-    return np.asarray(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0] > 0, dtype=bool)
 
 
 def _steep(file: CertificateFile, slack: Array) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +34,7 @@ class Corners:
     own: Array  # (t, 3) [s], c_i
     towards: Array  # (t, 3, 2) [s], c_ij and c_ik
     sides: Indices  # (t, 3, 2, 2) lattice vectors e_j, e_k
-    twice_area: NDArray[np.object_]  # (t,) integers, lattice units squared
+    twice_area: NDArray[Any]  # (t,) integers, lattice units squared
     unit: float  # [m]
 
 
@@ -74,12 +75,13 @@ class Minorants:
         return np.where(self.feature < 0, self.weight, 0.0)
 
 
-def corners_of(file: CertificateFile, side_edges: Indices, rows: slice) -> Corners:
+def corners_of(file: CertificateFile, side_edges: Indices, twice_area: NDArray[Any], rows: slice) -> Corners:
     """The corners of some kept triangles.
 
     Parameters
     ----------
     side_edges : (t, 3), row in `edges` of the side from corner i to i + 1.
+    twice_area : (t,) integers, lattice units squared.
     """
     triangles, side_edges = file.triangles[rows], side_edges[rows]
     place = file.vertices[triangles]
@@ -87,9 +89,7 @@ def corners_of(file: CertificateFile, side_edges: Indices, rows: slice) -> Corne
     sides = np.stack([following - place, last - place], axis=2)
     own = file.u_vertex[triangles]
     towards = file.u_edge[np.stack([side_edges, np.roll(side_edges, 1, axis=1)], axis=2)]
-    first = sides[:, 0].astype(object)
-    area = first[:, 0, 0] * first[:, 1, 1] - first[:, 0, 1] * first[:, 1, 0]
-    return Corners(own=own, towards=towards, sides=sides, twice_area=area, unit=float(file.unit))
+    return Corners(own=own, towards=towards, sides=sides, twice_area=twice_area[rows], unit=float(file.unit))
 
 
 def minorants_of(file: CertificateFile, features: Features, limits: Limits, rows: slice) -> Minorants:

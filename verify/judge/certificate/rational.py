@@ -32,7 +32,7 @@ def slack(corners: Corners, minorants: Minorants) -> Array:
     """
     square, below = _gradient_square(corners), _minorant(minorants)
     positive, still = below.sign() > 0, square.sign() == 0
-    area = Dyadic(corners.twice_area[:, None], 0).scaled(_power(corners.unit))
+    area = Dyadic(corners.twice_area.astype(object)[:, None], 0).scaled(_power(corners.unit))
     room = below * area
     divisor = room * room
     safe = Dyadic(np.where(positive, divisor.numerator, 1), divisor.places)

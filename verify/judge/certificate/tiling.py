@@ -17,6 +17,7 @@ continuous: no vertex hangs on a neighbour's side, and two vertices at the same 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,9 @@ class Tiling:
     """What was found; `side_edges` only where `edges` are those of the kept triangles."""
 
     faults: tuple[str, ...]
+    twice_area: NDArray[
+        Any
+    ]  # (t,) of the kept triangles, lattice units squared: 64 bits or Python's integers
     side_edges: Indices | None  # (t, 3), row in `edges` of the side from corner i to i + 1
 
 
@@ -42,14 +46,15 @@ def check_tiling(file: CertificateFile, features: Features) -> Tiling:
     """Check that kept and dropped triangles tile a box around the boundary, and the list of edges."""
     triangles = np.concatenate([file.triangles, file.dropped]).astype(np.int64)
     edge_faults, side_edges = _edges(file)
+    twice_area = _twice_areas(file, triangles)
     faults = [
         *_box_faults(file, features),
         *_outside(file, triangles),
-        *_areas(file, triangles),
+        *_areas(file, triangles, twice_area),
         *_sides(file, triangles),
         *edge_faults,
     ]
-    return Tiling(tuple(faults), side_edges)
+    return Tiling(tuple(faults), twice_area[: len(file.triangles)], side_edges)
 
 
 def _box_faults(file: CertificateFile, features: Features) -> list[str]:
@@ -67,14 +72,18 @@ def _outside(file: CertificateFile, triangles: Indices) -> list[str]:
     return listed("outside the box:", triangles[out], lambda t: place_of(file, t))
 
 
-def _areas(file: CertificateFile, triangles: Indices) -> list[str]:
-    """Orientation of all triangles, and the sum of their areas."""
+def _twice_areas(file: CertificateFile, triangles: Indices) -> NDArray[Any]:
+    """Twice the signed areas (t,), in 64 bits where they fit, else in Python's integers."""
     span = int(file.vertices.max()) - int(file.vertices.min())
     corner = file.vertices[triangles]
-    if span > SAFE_SPAN:
-        corner = corner.astype(object)
     u, w = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-    twice = u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0]
+    if span > SAFE_SPAN:
+        u, w = u.astype(object), w.astype(object)
+    return np.asarray(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0])
+
+
+def _areas(file: CertificateFile, triangles: Indices, twice: NDArray[Any]) -> list[str]:
+    """Orientation of all triangles, and the sum of their areas."""
     turned = triangles[np.asarray(twice <= 0, dtype=bool)]
     faults = listed("not anticlockwise with positive area:", turned, lambda t: place_of(file, t))
     x0, y0, x1, y1 = (int(k) for k in file.box)
@@ -90,14 +99,18 @@ def _sides(file: CertificateFile, triangles: Indices) -> list[str]:
     """Every directed side once, and its reverse unless it lies on a side of the box."""
     count = len(file.vertices)
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-    key, first, often = np.unique(start * count + end, return_index=True, return_counts=True)
-    twice = first[often > 1]
-    alone = first[~np.isin(end[first] * count + start[first], key)]
-    a, b = file.vertices[start[alone]], file.vertices[end[alone]]
+    # The undirected side times two, plus its direction: a side and its reverse follow each other.
+    key = np.sort((np.minimum(start, end) * count + np.maximum(start, end)) * 2 + (start > end))
+    twice = key[1:][key[1:] == key[:-1]]
+    shared = key[1:] // 2 == key[:-1] // 2
+    alone = key[~(np.append(shared, False) | np.append(False, shared))]
+    first, last = np.divmod(alone // 2, count)
+    a, b = file.vertices[first], file.vertices[last]
     on_rim = np.concatenate([(a == k) & (b == k) for k in (file.box[:2], file.box[2:])], axis=1).any(axis=1)
 
     def tell(k: int) -> str:
-        return side_of(file, start[k], end[k])
+        ends = divmod(int(k) // 2, count)
+        return side_of(file, *(reversed(ends) if k % 2 else ends))
 
     return [
         *listed("two triangles lie on the same side of", twice, tell),
@@ -111,10 +124,12 @@ def _edges(file: CertificateFile) -> tuple[list[str], Indices | None]:
     kept = file.triangles.astype(np.int64)
     ends = np.sort(np.stack([kept, np.roll(kept, -1, axis=1)], axis=2), axis=2)
     sides = ends[..., 0] * count + ends[..., 1]
-    wanted = np.unique(sides)
     given = file.edges[:, 0].astype(np.int64) * count + file.edges[:, 1]
-    if np.array_equal(given, wanted):
-        return [], np.searchsorted(wanted, sides)
+    if len(given) and (given[1:] > given[:-1]).all():
+        rows = np.minimum(np.searchsorted(given, sides), len(given) - 1)
+        if (given[rows] == sides).all() and np.bincount(rows.ravel(), minlength=len(given)).all():
+            return [], rows
+    wanted = np.unique(sides)
     values, often = np.unique(given, return_counts=True)
 
     def tell(key: int) -> str:
