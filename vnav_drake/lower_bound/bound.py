@@ -109,7 +109,9 @@ def lower_bound(
             stop = "time"
         if stop is not None:
             break
-        cover = _with_flow(cover, rows, solution).grown(worst, int(GROWTH * len(cover.kept)) + 1)
+        if certificate.travel_time > 0.0:  # else the flow known before must do
+            cover = _with_flow(cover, rows, solution)
+        cover = cover.grown(worst, int(GROWTH * len(cover.kept)) + 1)
     if not best.travel_time > 0.0:
         raise PlanningError("no lower bound was found: " + ", ".join({r.status for r in rounds}))
     return LowerBound(certificate=best, travel_time=best.travel_time, rounds=tuple(rounds), stopped=stop)
@@ -166,7 +168,7 @@ def _elements(cover: Cover) -> tuple[Indices, Elements, Functional, Functional]:
 def _functional(elements: Elements, row: int, point: Array) -> Functional:
     """u at a point (2,) [m] in triangle `row`."""
     share = barycentric(elements.corners[row : row + 1], point)[0]
-    return Functional(elements.control[row].ravel(), np.outer(share, share).ravel())
+    return Functional(point, elements.control[row].ravel(), np.outer(share, share).ravel())
 
 
 def _expected(cover: Cover, best: Certificate | None, upper: float | None) -> float:
@@ -188,8 +190,9 @@ def _solution(elements: Elements, start: Functional, goal: Functional, expected:
     tolerance = float(np.clip(PRECISION * expected, FINEST, COARSEST))
     for setting in (
         Setting(tolerance),
-        Setting(tolerance, regularization=1e-7),
-        Setting(10.0 * tolerance, equilibrate=False),
+        Setting(tolerance, regularization=1e-10),
+        Setting(10.0 * tolerance, regularization=1e-7, step=0.9),
+        Setting(10.0 * tolerance, regularization=1e-6, equilibrate=False),
     ):
         solution = solve(elements, start, goal, setting)
         if solution.status in GOOD:

@@ -39,7 +39,9 @@ class Ground:
         return cls(
             Features.of(problem.world),
             Solids(problem.world),
-            Law(problem.braking, problem.robot.radius + problem.braking.margin),
+            Law.within(
+                problem.braking, problem.robot.radius + problem.braking.margin, problem.world.diameter
+            ),
             problem.start.point,
             problem.goal.point,
         )

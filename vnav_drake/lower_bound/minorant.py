@@ -92,8 +92,8 @@ def choose(law: Law, distance: Array, candidate: Indices, flow: Array) -> Choice
     flow : (t, 3), barycentric coordinates of the place where the minorant should be good.
     """
     here = np.einsum("tck,tk->tc", distance, flow)
-    most, spread = distance.max(axis=2) - law.level, np.ptp(distance, axis=2)
-    contact = np.maximum(here, law.level + np.maximum(FURTHEST * most, SHALLOW * spread + LEAST))
+    furthest = law.level + FURTHEST * (distance.max(axis=2) - law.level)
+    contact = np.maximum(here, furthest)
     speed = np.maximum(law.speed(contact), law.slowest)
     corner = law.tangent(speed[..., None], distance)
     value = np.einsum("tck,tk->tc", corner, flow)

@@ -51,8 +51,9 @@ class Elements:
 
 @dataclass(frozen=True, eq=False)
 class Functional:
-    """A value of u: factors of some control values."""
+    """The value of u at a point: factors of some control values."""
 
+    point: Array  # (2,) [m]
     number: Indices
     factor: Array
 
@@ -78,6 +79,7 @@ class Setting:
 
     tolerance: float  # of residuals and gap
     regularization: float = 1e-8  # constant part, added to the linear systems' diagonal
+    step: float = 0.99  # share of the way to the cones' border that a step may take
     equilibrate: bool = True  # scale rows and columns once more
 
     def options(self) -> SolverOptions:
@@ -86,6 +88,7 @@ class Setting:
         for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
             options.SetOption(ClarabelSolver.id(), name, self.tolerance)
         options.SetOption(ClarabelSolver.id(), "static_regularization_constant", self.regularization)
+        options.SetOption(ClarabelSolver.id(), "max_step_fraction", self.step)
         options.SetOption(ClarabelSolver.id(), "equilibrate_enable", int(self.equilibrate))
         return options
 
@@ -98,8 +101,7 @@ def solve(elements: Elements, start: Functional, goal: Functional, setting: Sett
     """
     choice, count = elements.choice, len(elements.corners)
     typical = choice.corner[:, 0].max(axis=1)  # [s/m]
-    reach = float(np.ptp(elements.corners.reshape(-1, 2), axis=0).max())
-    scale = reach * float(np.median(typical))  # [s], of u
+    scale = float(np.hypot(*(goal.point - start.point)) * np.median(typical)) or 1.0  # [s], of u
     rows = elements.gradients * (scale / typical)[:, None, None]
     limit = choice.corner / typical[:, None, None]
     program = MathematicalProgram()
