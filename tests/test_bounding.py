@@ -74,13 +74,31 @@ def test_the_least_time_of_the_variational_optima_is_what_the_gap_refers_to(monk
     monkeypatch.setattr(bounding, "lower_bound", lambda _problem, **how: asked.update(how))
     plans = {"voronoi_route": 1.0, "speed_graph": 5.0, "collocation": 4.0, "refined": 3.0}
     many = {name: plan_of(name, time) for name, time in plans.items()}
-    run_lower_bound(scenario(plan={"effort": "quick"}), many, 0.02, told)
+    run_lower_bound(scenario(plan={"effort": "quick"}), many, {GATE: 0.02}, told)
     assert asked["upper"] == 4.0
     assert asked["gap"] == pytest.approx(0.02, rel=1e-5)
     assert asked["gap"] < 0.02  # the checker rounds down
     assert asked["effort"] == "quick"
-    run_lower_bound(scenario(), {"voronoi_route": many["voronoi_route"]}, 0.02, told)
+    run_lower_bound(scenario(), {"voronoi_route": many["voronoi_route"]}, {}, told)
     assert asked["upper"] is None
+
+
+@pytest.mark.parametrize(
+    ("plan", "named", "given", "effort"),
+    [
+        ({}, {}, {}, "full"),
+        ({"through": ["O1/boundary"]}, {}, {}, "quick"),
+        ({"through": ["O1/boundary"]}, {GATE: 0.03}, {}, "full"),
+        ({"through": ["O1/boundary"]}, {}, {GATE: 0.03}, "full"),
+    ],
+)
+def test_ways_asked_for_by_name_cost_no_effort_unless_their_gap_is_asked_for(
+    monkeypatch, plan, named, given, effort
+):
+    asked: dict[str, Any] = {}
+    monkeypatch.setattr(bounding, "lower_bound", lambda _problem, **how: asked.update(how))
+    run_lower_bound(scenario(plan=plan, gates=named), {}, given, told)
+    assert asked["effort"] == effort
 
 
 @pytest.mark.parametrize(
@@ -106,7 +124,7 @@ def test_what_keeps_a_bound_from_being_found_is_a_stage_that_cannot_finish(
 
     monkeypatch.setattr(bounding, "lower_bound", fail)
     with pytest.raises(PlanningError, match=words) as caught:
-        run_lower_bound(scenario(), plans, 0.03, told)
+        run_lower_bound(scenario(), plans, {}, told)
     assert type(caught.value) is kind
 
 
@@ -122,7 +140,7 @@ def test_a_gap_of_the_command_line_is_reached(tmp_path):
 def test_progress_names_triangles_and_the_gap_so_far():
     said: list[str] = []
     plans = {"speed_graph": plan_of("speed_graph", 4.6)}
-    run_lower_bound(scenario(**WIDE), plans, 0.03, said.append)
+    run_lower_bound(scenario(**WIDE), plans, {}, said.append)
     assert said
     assert all("triangles" in text and "gap" in text for text in said)
 

@@ -289,6 +289,32 @@ def test_exit_codes_of_a_bound_that_is_missing_refused_or_too_low(folder, monkey
     assert ended(judge(folder), absent) == 3
 
 
+def some_ways(place: Path, **gates: float) -> None:
+    """Let the scenario ask for some ways only."""
+    plan = {**CHANGES["plan"], "through": ["boundary/pillar <b>&"]}
+    asked = scenario_bytes(**{**CHANGES, "plan": plan, "gates": {"refinement_gap": 0.5, **gates}})
+    (place / evidence.SCENARIO).write_bytes(asked)
+
+
+def test_a_large_gap_says_nothing_against_ways_asked_for_by_name(folder, monkeypatch):
+    best = least_time(folder)
+    certify(monkeypatch, folder, proof(0.5 * best))
+    some_ways(folder)
+    found = judge(folder)
+    gate = next(gate for gate in found.gates if gate.name == "certified_gap")
+    assert gate.passed is None
+    assert "over all ways" in gate.reason
+    assert found.gaps["certified"] == pytest.approx(1.0, rel=1e-9)  # it is told all the same
+    assert ended(found) == 0
+    assert judge(folder, {"certified_gap": 0.03}).failing_gates  # unless somebody asks for it
+    certify(monkeypatch, folder, proof(0.98 * best))
+    assert next(gate for gate in judge(folder).gates if gate.name == "certified_gap").passed
+    certify(monkeypatch, folder, proof(0.5 * best))
+    some_ways(folder, certified_gap=0.03)
+    assert [gate.name for gate in judge(folder).failing_gates] == ["certified_gap"]
+    assert ended(judge(folder)) == 1
+
+
 GATE = {
     passed: Gate(name="certified_gap", limit=0.03, value=value)
     for passed, value in ((True, 0.0), (False, 1.0))

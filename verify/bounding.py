@@ -17,14 +17,17 @@ WITHIN = 1.0 - 1e-6  # of the gate's limit is aimed at: the checker rounds the b
 
 
 def run_lower_bound(
-    scenario: Scenario, plans: Mapping[str, Plan], limit: float, progress: Callable[[str], None]
+    scenario: Scenario,
+    plans: Mapping[str, Plan],
+    overrides: Mapping[str, float],
+    progress: Callable[[str], None],
 ) -> LowerBound:
     """Bound the travel time of every motion from below.
 
     Parameters
     ----------
     plans : by method; the least time of the variational optima among them says when the gap is reached.
-    limit : of the gap.
+    overrides : limits of gates given on the command line.
     progress : is told rounds, triangles and the gap so far.
 
     Raises
@@ -32,10 +35,16 @@ def run_lower_bound(
     PlanningError : no certificate was found.
     NoPathError : there is no path for this robot, and no plan says otherwise.
     """
+    # Ways asked for by name need not hold the fastest: no gap to close, unless the gate is named too.
+    aimless = bool(scenario.plan.through) and GATE not in {*scenario.named_gates, *overrides}
     upper = min((plans[name].travel_time for name in OPTIMA if name in plans), default=None)
     try:
         return lower_bound(
-            scenario.problem, upper=upper, gap=limit * WITHIN, effort=scenario.plan.effort, progress=progress
+            scenario.problem,
+            upper=upper,
+            gap=aimed_gap(scenario, overrides) * WITHIN,
+            effort="quick" if aimless else scenario.plan.effort,
+            progress=progress,
         )
     except NoPathError as error:
         if not plans:

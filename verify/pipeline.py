@@ -14,7 +14,7 @@ import numpy as np
 from verify import evidence
 from verify.analytic import run_speed_graph
 from verify.atomic import ResultFolder
-from verify.bounding import GATE, about, aimed_gap, run_lower_bound
+from verify.bounding import GATE, about, run_lower_bound
 from verify.choosing import drive_as_planned, optimum_to_execute
 from verify.execution import execute
 from verify.exit_codes import FAILED, OK, UNFINISHED
@@ -156,9 +156,9 @@ def _plan(stages: Stages, overrides: Mapping[str, float]) -> None:
     if not seeds:
         stages.skip("collocation", "a seed")
         stages.skip("refined", "a seed")
-    told, limit = stages.told("lower bound"), aimed_gap(scenario, overrides)
+    told = stages.told("lower bound")
     done.bound = stages.run(
-        "lower_bound", lambda: run_lower_bound(scenario, done.plans, limit, told), only_for=GATE
+        "lower_bound", lambda: run_lower_bound(scenario, done.plans, overrides, told), only_for=GATE
     )
 
 

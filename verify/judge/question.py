@@ -32,6 +32,7 @@ class Question:
     features: Features  # what stands in the way, side by side
     gates: Mapping[str, float]  # all gates, defaults filled in
     named_gates: frozenset[str]  # those that the file names itself
+    some_ways: bool  # plan.through asks for some ways only, which need not hold the fastest
 
 
 def read_question(data: bytes) -> Question:
@@ -62,6 +63,7 @@ def read_question(data: bytes) -> Question:
         features=Features.from_spec(spec.world),
         gates={name: float(limit) for name, limit in spec.gates.model_dump().items()},
         named_gates=frozenset(spec.gates.model_fields_set),
+        some_ways=bool(spec.plan.through),
     )
 
 

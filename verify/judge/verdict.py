@@ -178,15 +178,8 @@ def _with_proof(findings: Findings, proof: Proof | None) -> Findings:
 def decide(findings: Findings, overrides: Mapping[str, float]) -> Judgement:
     """Gates and verdict under the scenario's limits; `overrides` take precedence over them."""
     asked, checks = findings.question, findings.checks
-    gate = gates(
-        asked.gates,
-        asked.named_gates,
-        overrides,
-        findings.gaps,
-        checks,
-        findings.executed,
-        no_bound=_no_bound(findings.bound),
-    )
+    gap, no_bound = _gaps_to_limit(findings, overrides)
+    gate = gates(asked.gates, asked.named_gates, overrides, gap, checks, findings.executed, no_bound=no_bound)
     executed = _chosen(findings.motions, findings.executed, findings.same, gate)
     verdict, reasons = _verdict(findings.motions, executed, checks, gate)
     return Judgement(
@@ -205,11 +198,21 @@ def decide(findings: Findings, overrides: Mapping[str, float]) -> Judgement:
     )
 
 
-def _no_bound(bound: Bound | None) -> str:
-    """Why there is no certified gap."""
+def _gaps_to_limit(findings: Findings, overrides: Mapping[str, float]) -> tuple[Mapping[str, float], str]:
+    """The gaps that gates limit, and why the certified one is not among them, where it is not.
+
+    The bound holds for all ways. Where only some were asked for, a small gap proves that the fastest is one
+    of them; a large one says nothing against the plan, so the gate is held against it only if it is named.
+    """
+    bound, gap, asked = findings.bound, findings.gaps, findings.question
     if bound is None:
-        return "no lower bound was computed"
-    return "the certificate is refused" if bound.travel_time is None else "no plan to compare the bound with"
+        return gap, "no lower bound was computed"
+    if bound.travel_time is None:
+        return gap, "the certificate is refused"
+    if asked.some_ways and not {"certified_gap"} & {*asked.named_gates, *overrides}:
+        limited = {k: v for k, v in gap.items() if k != "certified" or v <= asked.gates["certified_gap"]}
+        return limited, "the lower bound is over all ways, and plan.through asks for some of them"
+    return gap, "no plan to compare the lower bound with"
 
 
 def _motions(folder: Path) -> dict[str, Motion]:
