@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from verify.report.curves import halo
 from verify.report.figures_mesh import logarithmic
-from verify.report.numbers import count, duration, percent, seconds
+from verify.report.numbers import count, duration, percent, seconds, seconds_proven, significant
 from verify.report.palette import INK, LIMIT, RULE, method
 from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_figure, to_svg
 
@@ -40,7 +40,7 @@ class Closing:
 def draw_closing(data: Closing) -> Picture:
     """Both bounds over triangles and compute time, and below them the gap on a logarithmic axis."""
     rows = "; ".join(
-        f"{count(n)} triangles, {duration(t)}: {seconds(low)}"
+        f"{count(n)} triangles, {duration(t)}: {seconds_proven(low)}"
         for n, t, low in zip(data.triangles, data.seconds, data.lower, strict=True)
     )
     best = f" The best time found is {seconds(data.upper)}." if data.upper is not None else ""
@@ -89,9 +89,12 @@ def _decades(axes: Axes, x: Array) -> None:
     powers = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
     steps = (1.0, 2.0, 5.0) if high / low < 300.0 else (1.0,)
     ticks = [p * s for p in powers for s in steps if low <= p * s <= high]
-    axes.set_xticks(ticks, [count(t) if t >= 1.0 else f"{t:g}" for t in ticks])
-    axes.xaxis.set_minor_formatter("")
-    axes.tick_params(axis="x", which="minor", length=0)
+    labels = [count(t) if t >= 100.0 else f"{t:g}" for t in ticks]
+    if len(ticks) < 2:  # of one or two rounds, say
+        ticks = np.unique(x[[0, -1]]).tolist()
+        labels = [count(t) if t >= 100.0 else significant(t, 2) for t in ticks]
+    axes.set_xticks(ticks, labels)
+    axes.minorticks_off()
 
 
 def _bounds(axes: Axes, data: Closing, x: Array, named: bool) -> None:
@@ -100,7 +103,7 @@ def _bounds(axes: Axes, data: Closing, x: Array, named: bool) -> None:
     held = np.append(best, best[-1])
     shown = [*data.lower, *([data.upper] if data.upper is not None else [])]
     room = max(float(np.ptp(shown)), 1e-6 * float(max(shown)))
-    axes.set_ylim(min(shown) - 0.08 * room, max(shown) + 0.28 * room)
+    axes.set_ylim(min(shown) - 0.22 * room, max(shown) + 0.28 * room)
     if data.upper is not None:
         above = method(data.upper_method)
         axes.fill_between(far, held, data.upper, step="post", color=RULE.light, lw=0.0)
@@ -117,7 +120,14 @@ def _bounds(axes: Axes, data: Closing, x: Array, named: bool) -> None:
     axes.plot(far, held, color=look.light, lw=1.6, drawstyle="steps-post")
     axes.plot(x, data.lower, look.marker, color=look.light, ms=6)
     if named:
-        _say(axes, f"proven: {seconds(float(best[-1]))}", (1.0, float(best[-1])), (-4, -9), "top", INK.light)
+        _say(
+            axes,
+            f"proven: {seconds_proven(float(best[-1]))}",
+            (1.0, float(best[-1])),
+            (-4, -9),
+            "top",
+            INK.light,
+        )
         axes.set_ylabel("travel time [s]")
     axes.yaxis.get_major_formatter().set_useOffset(False)  # type: ignore[attr-defined]
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from verify.report.bound import BoundMesh, long_sides, polygons
 from verify.report.curves import halo
 from verify.report.figures_map import GROUND, draw_ends, draw_world, map_height, outline
-from verify.report.numbers import count, power_of_ten, seconds, significant
+from verify.report.numbers import count, power_of_ten, seconds_proven, significant
 from verify.report.palette import BANDS, INK, MUTED, PAPER, RACK_EDGE, SLACKS, method
 from verify.report.series import thinned_path
 from verify.report.svg import NARROW, PANEL, WIDE, Picture, drawing_style, new_axes, to_svg
@@ -30,11 +30,14 @@ from vnav_drake.problem import Problem
 from vnav_drake.world import World
 
 Array = NDArray[np.float64]
+Box = tuple[float, float, float, float]  # x0, y0, x1, y1 [m]
 
 SLACK_STEPS = (0.3, 0.1, 1e-2, 1e-4)  # between the tones of SLACKS, from loose to tight
 LEAST_SIDE = 1.5  # [px]: shorter sides of triangles only blacken a picture
 WIDEST_ZOOM = 0.08  # of the world's diameter, from an end to the rim of the picture around it
-NUMBER_ROOM = 0.04  # of the world's diameter: least distance of an isochrone's number from both ends
+NUMBER_ROOM = 0.04  # of the picture's diagonal: least distance of an isochrone's number from both ends
+AROUND = 0.7  # of the extent of the path, on each side of it, that the isochrones are drawn on
+CROPPED = 0.25  # of the world's area: a larger part is not worth a cut
 MOST_BANDS = len(BANDS) - 2  # one tone for what lies before the start, one for what lies after the goal
 PATH_SAMPLES = 1500  # along the path, where the potential is looked up
 FINE = 5  # isochrones without a number to one with a number
@@ -166,9 +169,11 @@ def draw_potential(problem: Problem, mesh: BoundMesh, way: Way | None) -> Pictur
     ends = mesh.potential(np.array([problem.start.point, problem.goal.point]))
     total = float(ends[1] - ends[0])
     step = isochrone_step(total)
-    drawn = _contours(mesh, float(ends[0]), total, way, problem.world.diameter / 5000.0)
-    spoken = f"The potential rises by {seconds(total)} from start to goal; one band is {step:g} s. " + (
-        f"The path of the {method(way.method).label.lower()} crosses the isochrones." if way else ""
+    window = _window(problem.world, way)
+    drawn = _contours(mesh, float(ends[0]), total, way, window or problem.world.bounds)
+    spoken = (
+        f"The potential rises by {seconds_proven(total)} from start to goal; one band is {step:g} s. "
+        + (f"The path of the {method(way.method).label.lower()} crosses the isochrones." if way else "")
     )
     described = {"key": "bound-potential", "title": "The potential of the certificate", "description": spoken}
     caption = (
@@ -176,13 +181,16 @@ def draw_potential(problem: Problem, mesh: BoundMesh, way: Way | None) -> Pictur
         "faster than the numbers say, whatever way it takes; so the time from start to goal is at least "
         "their difference. The best path crosses them as fast as that, at right angles. Far from it u may "
         "lie below the least time from the start, as no fast way passes there. Blank: dropped triangles, "
-        "where the robot cannot move."
+        "where the robot cannot move." + (" The part of the world around the path." if window else "")
     )
     with drawing_style():
         return Picture(
             **described,
-            svg=_potential(problem, drawn, way, described, WIDE),
-            narrow=_potential(problem, drawn, way, {**described, "key": "bound-potential-narrow"}, NARROW),
+            svg=_potential(problem, drawn, way, window, described, WIDE),
+            narrow=_potential(
+                problem, drawn, way, window, {**described, "key": "bound-potential-narrow"}, NARROW
+            ),
+            heading="Isochrones of the certificate",
             caption=caption,
         )
 
@@ -193,12 +201,31 @@ def isochrone_step(total: float) -> float:
     return next(s * power for s in (1.0, 2.0, 5.0, 10.0) if total <= MOST_BANDS * s * power)
 
 
+def _window(world: World, way: Way | None) -> Box | None:
+    """The part of the world around the path, where that is much less than all of it."""
+    if way is None:
+        return None
+    path = np.column_stack([way.motion.x, way.motion.y])
+    pad = AROUND * float(np.ptp(path, axis=0).max())
+    low = np.maximum(path.min(axis=0) - pad, world.bounds[:2])
+    high = np.minimum(path.max(axis=0) + pad, world.bounds[2:])
+    if np.prod(high - low) > CROPPED * shapely.box(*world.bounds).area:
+        return None
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
 def _potential(
-    problem: Problem, drawn: _Potential, way: Way | None, described: dict[str, str], width: float
-) -> Markup:
+    problem: Problem, drawn: _Potential, way: Way | None, window: Box | None, described: dict[str, str],
+    width: float,
+) -> Markup:  # fmt: skip
     world, wide = problem.world, width == WIDE
-    figure, axes = new_axes(width, map_height(world, width, bar=False), x="x [m]", y="y [m]")
-    draw_world(axes, world, names=False)
+    x0, y0, x1, y1 = window or world.bounds
+    height = map_height(world, width, bar=False) if window is None else _height(width, (y1 - y0) / (x1 - x0))
+    figure, axes = new_axes(width, height, x="x [m]", y="y [m]")
+    draw_world(axes, world, names=False, scale=window is None)
+    if window is not None:
+        axes.set_xlim(x0, x1)
+        axes.set_ylim(y0, y1)
     tones = np.linspace(0, len(BANDS) - 1, len(drawn.bands)).round().astype(int)
     for path, tone in zip(drawn.bands, tones, strict=True):
         colour = BANDS[tone].light
@@ -220,6 +247,11 @@ def _potential(
     return to_svg(figure, **described)
 
 
+def _height(width: float, aspect: float) -> float:
+    """Height [px] of a picture `width` px wide whose axes have this ratio of height to width."""
+    return float(np.clip((width - 56.0) * aspect, 0.16 * width, 1.1 * width)) + 48.0
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Potential:
     """The potential as outlines."""
@@ -230,8 +262,10 @@ class _Potential:
     numbers: Sequence[tuple[float, Array, Array]]  # [s], where [m], unit vector beside the path
 
 
-def _contours(mesh: BoundMesh, begin: float, total: float, way: Way | None, blur: float) -> _Potential:
+def _contours(mesh: BoundMesh, begin: float, total: float, way: Way | None, shown: Box) -> _Potential:
     step = isochrone_step(total)
+    size = math.dist(shown[:2], shown[2:])  # [m]
+    blur = size / 5000.0
     levels = step * np.arange(1, math.ceil(total / step - 1e-9))
     fine = step / FINE * np.arange(1, math.ceil(FINE * total / step - 1e-9))
     points, triangles, u = mesh.pieces()
@@ -246,19 +280,19 @@ def _contours(mesh: BoundMesh, begin: float, total: float, way: Way | None, blur
         bands=[_thinned(path, blur) for path in bands],
         numbered=[_thinned(path, blur) for path in found[0]],
         fine=[_thinned(path, blur) for path in found[1]],
-        numbers=_numbers(mesh, begin, levels.tolist(), way) if way else [],
+        numbers=_numbers(mesh, begin, levels.tolist(), way, NUMBER_ROOM * size) if way else [],
     )
 
 
 def _numbers(
-    mesh: BoundMesh, begin: float, levels: Sequence[float], way: Way
+    mesh: BoundMesh, begin: float, levels: Sequence[float], way: Way, room: float
 ) -> Sequence[tuple[float, Array, Array]]:
-    """Where the path first crosses each isochrone, and a direction across the path there."""
+    """Where the path first crosses each isochrone, `room` [m] from both ends, and a direction across it."""
     s = way.motion.arc_length
     at = np.linspace(0.0, s[-1], PATH_SAMPLES)
     path = np.column_stack([np.interp(at, s, way.motion.x), np.interp(at, s, way.motion.y)])
     reached = np.fmax.accumulate(mesh.potential(path) - begin)
-    numbers, room = [], NUMBER_ROOM * float(np.hypot(*np.ptp(mesh.points, axis=0)))
+    numbers = []
     for level in levels:
         k = int(np.argmax(reached >= level))
         if reached[k] >= level and min(np.hypot(*(path[k] - end)) for end in path[[0, -1]]) > room:
@@ -292,9 +326,12 @@ def _one_path(lines: Array) -> Outline:
 
 
 def _add_on_floor(axes: Axes, area: PathCollection, world: World) -> None:
-    """Draw it within the boundary only: the triangles cover a box around it."""
+    """Draw it within the boundary and the axes only: the triangles cover a box around them."""
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    seen = shapely.get_parts(shapely.intersection(world.boundary, shapely.box(x0, y0, x1, y1)))
+    rings = [outline(part) for part in seen if isinstance(part, shapely.Polygon)]
     axes.add_collection(area, autolim=False)
-    area.set_clip_path(outline(world.boundary), axes.transData)
+    area.set_clip_path(Outline.make_compound_path(*rings), axes.transData)
 
 
 def _draw_way(axes: Axes, way: Way | None, world: World, width: float) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 from markupsafe import Markup
 from matplotlib.axes import Axes
 
-from verify.report.numbers import percent, seconds
+from verify.report.numbers import percent, seconds, seconds_proven
 from verify.report.palette import BAD_FILL, INK, LIMIT, MUTED, method
 from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_axes, to_svg
 
@@ -35,7 +35,7 @@ class BracketData:
 
 def draw_bracket(data: BracketData) -> Picture:
     """Dot plot of travel times; distances from the reference in percent beside it."""
-    spoken = "; ".join(f"{method(r.method).label} {seconds(r.travel_time)}" for r in data.rows)
+    spoken = "; ".join(f"{method(r.method).label} {_figure(r)}" for r in data.rows)
     described = {
         "key": "bracket",
         "title": "Travel times on one axis",
@@ -47,6 +47,10 @@ def draw_bracket(data: BracketData) -> Picture:
             svg=_draw(data, described, narrow=False),
             narrow=_draw(data, {**described, "key": "bracket-narrow"}, narrow=True),
         )
+
+
+def _figure(row: BracketRow) -> str:
+    return (seconds_proven if row.method == "lower_bound" else seconds)(row.travel_time)
 
 
 def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Markup:
@@ -67,12 +71,12 @@ def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Mark
             same = row.method == data.reference
             share = "reference" if same else percent(row.travel_time / reference - 1.0, signed=True)
         if narrow:
-            words, at, offset = f"{look.label}   {seconds(row.travel_time)}   {share}", 0.0, (0, 9)
+            words, at, offset = f"{look.label}   {_figure(row)}   {share}", 0.0, (0, 9)
             _write(axes, words, (at, i), offset, look.text, bold, ha="left", va="bottom", fontsize=10)
             continue
         for words, at, offset, side in (
             (look.label, 0.0, (-14, 0), "right"),
-            (seconds(row.travel_time), 1.0, (76, 0), "right"),
+            (_figure(row), 1.0, (76, 0), "right"),
             (share, 1.0, (152, 0), "right"),
         ):
             _write(axes, words, (at, i), offset, look.text, bold, ha=side, va="center", fontsize=11)
@@ -106,7 +110,7 @@ def _draw_proven(axes: Axes, data: BracketData, *, narrow: bool) -> None:
     axes.axvline(proven, color=INK.light, lw=1.4, zorder=1)
     if data.upper is not None:
         edge = [proven, proven, data.upper, data.upper]
-        axes.plot(edge, [i - 0.28, i + 0.28, i + 0.28, i - 0.28], color=INK.light, lw=1.4, clip_on=False)
+        axes.plot(edge, [i - 0.28, i + 0.28, i + 0.28, i - 0.28], color=INK.light, lw=1.4)
     if data.full_bound is not None and "refined" in rows:
         k, time = rows["refined"]
         axes.plot([data.full_bound] * 2, [k - 0.32, k + 0.32], color=INK.light, lw=2.4)

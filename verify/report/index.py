@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from verify.report import story
 from verify.report.html import render, write_whole
-from verify.report.numbers import metres, number_in, percent, seconds
+from verify.report.numbers import metres, number_in, percent, seconds, seconds_proven
 from verify.report.wording import VERDICTS
 
 
@@ -60,7 +60,7 @@ def _row(name: str, result: Mapping[str, Any]) -> IndexRow:
         length=metres(number_in(result, "plans", plan, "length")),
         optimum=seconds(optimum),
         above=percent(time / optimum - 1.0, signed=True) if time is not None and optimum else "–",
-        lower_bound=seconds(times.get("lower_bound")),
+        lower_bound=seconds_proven(times.get("lower_bound")),
         gap=percent(number_in(result, "gaps", "certified")),
         simulated=seconds(times.get("simulation")),
         gates=", ".join(f"{number} {word}" for word, number in counts.items() if number) or "none",

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from decimal import ROUND_FLOOR, Context, Decimal
 from typing import Any
 
 DASH = "–"
+LONGEST = 400  # digits: more than any float has before its point, and ten decimals
 SPACE = "\u00a0"  # keeps a number and its unit on one line
 _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
@@ -59,6 +61,19 @@ def exact(value: float | None) -> str:
 def seconds(value: float | None) -> str:
     """Travel times: milliseconds matter."""
     return DASH if value is None else _minus(f"{value:.3f}") + SPACE + "s"
+
+
+def seconds_proven(value: float | None) -> str:
+    """Lower bounds, rounded down: what is written is proven too."""
+    if value is None:
+        return DASH
+    return rounded(value, 3, ROUND_FLOOR) + SPACE + "s"
+
+
+def rounded(value: float, decimals: int, way: str) -> str:
+    """`value` with so many decimals, rounded one way (a rounding mode of `decimal`) from its exact value."""
+    unit = Decimal(1).scaleb(-decimals)
+    return _minus(str(Decimal(value).quantize(unit, rounding=way, context=Context(prec=LONGEST))))
 
 
 def duration(value: float | None) -> str:

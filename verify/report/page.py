@@ -105,6 +105,7 @@ def write_report(
         times=story.time_rows(result),
         reference=method(story.reference_plan(result)).label if story.reference_plan(result) else "",
         bracket=_bracket(result),
+        full_bound=number_in(result, "plans", "refined", "travel_time") is not None,
         analytic=analytic_row(result),
         looks=METHODS,
         has_classes=bool(classes or extras.speed_graph.classes or extras.speed_graph.graphs),

@@ -17,6 +17,7 @@ from verify.report.numbers import (
     number_in,
     percent,
     seconds,
+    seconds_proven,
     significant,
     with_unit,
 )
@@ -231,7 +232,7 @@ def time_rows(result: Result) -> list[TimeRow]:
                 look=method(name),
                 model=words(facts.get("model")).replace("_", " ")
                 or ("variational" if name == "lower_bound" else DASH),
-                travel_time=seconds(time),
+                travel_time=seconds_proven(time) if name == "lower_bound" else seconds(time),
                 above="reference"
                 if name == reference_plan(result)
                 else percent(time / reference - 1.0, signed=True)

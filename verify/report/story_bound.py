@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+from decimal import ROUND_CEILING, ROUND_FLOOR
 from math import ceil, log10
 
 import numpy as np
 
 from verify.report.bound import listed
 from verify.report.figures_bound import Closing
-from verify.report.numbers import count, duration, number_in, percent, seconds, significant
+from verify.report.numbers import (
+    DASH,
+    SPACE,
+    count,
+    duration,
+    number_in,
+    percent,
+    rounded,
+    seconds_proven,
+    significant,
+)
 from verify.report.palette import method
 from verify.report.story import FAILED, OPTIMA, Result, check_rows, entries, mapping, words
 from verify.report.wording import STOPPED
@@ -32,7 +42,7 @@ class BoundStory:
 def bound_story(result: Result) -> BoundStory:
     """All sentences about the lower bound, or why there is none."""
     proven = number_in(result, "lower_bound", "travel_time")
-    if proven is None:
+    if proven is None or proven <= 0.0:
         return BoundStory(sentences=(), checked=(), statement="", rounds=(), missing=_missing(result))
     return BoundStory(
         sentences=(bracket_sentence(result), *filter(None, [full_sentence(result), _stopped(result)])),
@@ -62,25 +72,20 @@ def bracket(lower: float, best: float) -> tuple[str, str]:
     """Both bounds with the decimals that tell them apart, the lower one rounded down, the other one up."""
     apart = abs(best - lower)
     decimals = FEWEST if apart == 0.0 else int(np.clip(1 + ceil(-log10(apart)), FEWEST, MOST))
-    unit = Decimal(1).scaleb(-decimals)
-    ends = ((lower, ROUND_FLOOR), (best, ROUND_CEILING))
-    low, high = (f"{Decimal(value).quantize(unit, rounding=way)}\u00a0s" for value, way in ends)
-    return low, high
-
-
-def rounded_down(time: float) -> str:
-    """A proven time with three decimals, never more than what was proven."""
-    return f"{Decimal(time).quantize(Decimal('0.001'), rounding=ROUND_FLOOR)}\u00a0s"
+    return (
+        f"{rounded(lower, decimals, ROUND_FLOOR)}{SPACE}s",
+        f"{rounded(best, decimals, ROUND_CEILING)}{SPACE}s",
+    )
 
 
 def bracket_sentence(result: Result) -> str:
     """What is proven about every way, and how near the best one found is; empty without a bound."""
     proven, gap = number_in(result, "lower_bound", "travel_time"), number_in(result, "gaps", "certified")
-    if proven is None:
+    if proven is None or proven <= 0.0:
         return ""
     best, name = upper(result)
     if best is None or gap is None:
-        return f"No path of any homotopy class can take less than {rounded_down(proven)}."
+        return f"No path of any homotopy class can take less than {seconds_proven(proven)}."
     low, high = bracket(proven, best)
     whose = f" ({method(name).label.lower()})" if name else ""
     return (
@@ -92,7 +97,7 @@ def bracket_sentence(result: Result) -> str:
 def full_bound(result: Result) -> float | None:
     """What no motion of the full robot can beat [s]; None without a bound."""
     proven = number_in(result, "lower_bound", "travel_time")
-    return None if proven is None else proven + (number_in(result, "end_cost") or 0.0)
+    return None if proven is None or proven <= 0.0 else proven + (number_in(result, "end_cost") or 0.0)
 
 
 def full_sentence(result: Result) -> str:
@@ -104,7 +109,7 @@ def full_sentence(result: Result) -> str:
     low, high = bracket(least, time)
     if cost is not None and cost > 0.0:
         beginning = (
-            f"Any motion with the ends asked for takes longer by at least E = {rounded_down(cost)}, as it "
+            f"Any motion with the ends asked for takes longer by at least E = {seconds_proven(cost)}, as it "
             f"may not have the safe speed there: the full robot cannot take less than {low}"
         )
     else:
@@ -144,7 +149,7 @@ def _rounds(result: Result) -> tuple[tuple[str, ...], ...]:
         rows.append(
             (
                 count(number_in(item, "triangles")),
-                seconds(low) if low is None else f"{low:.6f}\u00a0s",
+                DASH if low is None else f"{low:.6f}\u00a0s",
                 percent(best / low - 1.0 if best is not None and low else None),
                 duration(number_in(item, "seconds")),
                 words(item.get("status")),
@@ -162,7 +167,7 @@ def closing(result: Result) -> Closing | None:
     ]
     told = np.array([row for row in rows if None not in row], dtype=float).reshape(-1, 3)
     told = told[(told > 0.0).all(axis=1)]
-    if number_in(bound, "travel_time") is None or not len(told):
+    if (number_in(bound, "travel_time") or 0.0) <= 0.0 or not len(told):
         return None
     best, name = upper(result)
     return Closing(triangles=told[:, 0], seconds=told[:, 1], lower=told[:, 2], upper=best, upper_method=name)
@@ -170,6 +175,8 @@ def closing(result: Result) -> Closing | None:
 
 def _missing(result: Result) -> str:
     """Why nothing is proven: the certificate was refused, or its stage did not finish."""
+    if number_in(result, "lower_bound", "travel_time") is not None:
+        return "The certificate proves no more than zero seconds."
     refused = mapping(result, "lower_bound").get("reasons")
     if isinstance(refused, list | tuple) and refused:
         return "The certificate is refused: " + listed([words(reason) for reason in refused])
