@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from vnav_drake.braking import UniformBraking
     from vnav_drake.collocation import Seed, plan_full, plan_variational
-    from vnav_drake.lower_bound import Certificate, LowerBound, lower_bound
+    from vnav_drake.lower_bound import Certificate, LowerBound
     from vnav_drake.plan import Path, Plan, Trajectory
     from vnav_drake.problem import End, NoPathError, PlanningError, Problem
     from vnav_drake.robot import Robot
@@ -47,7 +47,6 @@ __all__ = [
     "fastest_profile",
     "k_best_routes",
     "load_scenario",
-    "lower_bound",
     "plan_full",
     "plan_speed_graph",
     "plan_variational",
@@ -64,7 +63,6 @@ _HOMES = {
     "lower_bound": (
         "Certificate",
         "LowerBound",
-        "lower_bound",
     ),
     "plan": (
         "Path",

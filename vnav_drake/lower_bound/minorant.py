@@ -29,9 +29,6 @@ Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 FURTHEST = 0.55  # contact at this share of the greatest distance at least: the tangent stays positive
-# Contact is beyond the level by at least this, so that the speed there is above zero.
-SHALLOW = 1e-3  # of what the distances differ by
-LEAST = 1e-9  # [m], more
 SLOWEST = 1e-4  # of the speeds at contact, as a share of the greatest in the world: no slower one matters
 WEIGHT_GRID = 2.0**-20  # weights are multiples of it, so that two of them add up to one exactly
 CAP = -1  # in place of a feature: the constant 1/v_max
