@@ -5,7 +5,7 @@
 #   make lint     ruff and mypy
 #   make gallery  every scenario          make bench    speed against peers
 #   make study    how graphs rank homotopy classes, on 1,000 random worlds (half an hour; goes on where it stopped)
-#   make figures  those of docs/speed_graph.md
+#   make figures  those of docs/speed_graph.md and docs/certificate.md
 #   make clean    removes environment, caches and reports
 #
 # PYTHON=... chooses the interpreter (3.11, 3.12 or 3.13), VENV=... the place of the environment.
@@ -70,6 +70,7 @@ study: $(STAMP)
 
 figures: $(STAMP)
 	$(RUN) benchmarks.figures
+	$(RUN) benchmarks.figures_certificate
 
 clean:
 	rm -rf "$(VENV)" build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
