@@ -28,6 +28,9 @@ TRUSTED = {
     "warehouse_gaps": (GAPS, 69.25),
     "four_point_room": (7.31757, 7.31761),
 }
+# Those whose optimum is no motion of the full robot, or whose optimum of one class was asked for: at rest the
+# ends are not safe; friction and tip-over bind in bends; the corridors are faster than the gaps.
+REFINED = {"warehouse_rest", "warehouse_slippery", "warehouse_tall", "warehouse_gaps"}
 WAREHOUSES = {"warehouse": 1.0, "warehouse_rest": 1.0, "warehouse_slippery": 1.0, "warehouse_tall": 3.0}
 
 
@@ -40,14 +43,36 @@ def result(request, tmp_path_factory):
     return read_result(folder)
 
 
-def test_every_scenario_is_refined_and_holds_everywhere(result):
-    assert result["verdict"] == "refined"
+def test_every_scenario_is_certified_or_refined_and_holds_everywhere(result):
+    certified = result["scenario"] not in REFINED
+    assert result["verdict"] == ("certified" if certified else "refined")
+    assert result["executed"] == ("speed_graph" if certified else "refined")
     values = {gate["name"]: gate.get("value") for gate in result["gates"]}
     assert values["constraint_violation"] <= 1e-6
     assert values["braking_margin"] >= 0.0
     assert {check["status"] for check in result["checks"]} <= {"passed", "not_evaluated"}
     assert [c["name"] for c in result["checks"] if c["status"] == "not_evaluated"] == ["emergency_stops"]
     assert not result["missing"]
+
+
+def test_the_lower_bound_is_below_what_is_known_and_within_its_gate(result):
+    name, lower = result["scenario"], result["lower_bound"]["travel_time"]
+    times = [plan["travel_time"] for plan in result["plans"].values()]
+    assert lower <= min(times)  # those of the full model too
+    if name in EXACT:
+        assert lower <= EXACT[name]
+    elif name == "four_point_room":
+        assert lower <= TRUSTED[name][1]
+    else:  # over all ways, through the gaps or not
+        assert lower <= TRUSTED["warehouse"][1] / math.sqrt(WAREHOUSES.get(name, 1.0))
+    assert result["lower_bound"]["worst_slack"] >= 0.0
+    gap = result["gaps"]["certified"]
+    assert gap >= 0.0
+    if name == "warehouse_gaps":
+        assert gap >= GAPS / TRUSTED["warehouse"][1] - 1.0  # another way is that much faster
+    else:
+        assert gap <= 0.03
+        assert result["gaps"]["certified_full"] >= 0.0
 
 
 def test_variational_times_agree_with_what_is_known(result):
