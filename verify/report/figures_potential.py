@@ -36,6 +36,7 @@ SLACK_STEPS = (0.3, 0.1, 1e-2, 1e-4)  # between the tones of SLACKS, from loose 
 LEAST_SIDE = 1.5  # [px]: shorter sides of triangles only blacken a picture
 WIDEST_ZOOM = 0.08  # of the world's diameter, from an end to the rim of the picture around it
 NUMBER_ROOM = 0.04  # of the picture's diagonal: least distance of an isochrone's number from both ends
+NUMBERS_APART = 0.045  # of the picture's diagonal: least distance between two numbers
 AROUND = 0.7  # of the extent of the path, on each side of it, that the isochrones are drawn on
 CROPPED = 0.25  # of the world's area: a larger part is not worth a cut
 MOST_BANDS = len(BANDS) - 2  # one tone for what lies before the start, one for what lies after the goal
@@ -238,7 +239,7 @@ def _potential(
         _add_on_floor(axes, drawn_lines, world)
     _draw_way(axes, way, world, 2.6 if wide else 2.0)
     draw_ends(axes, problem, way.motion if way else None)
-    for value, at, aside in drawn.numbers:
+    for value, at, aside in drawn.numbers if wide else drawn.numbers[::2]:
         text = axes.annotate(
             f"{value:g}", (at[0], at[1]), (13.0 * aside[0], 13.0 * aside[1]), textcoords="offset points",
             ha="center", va="center", fontsize=10 if wide else 9, weight="bold", color=INK.light, zorder=4,
@@ -280,24 +281,30 @@ def _contours(mesh: BoundMesh, begin: float, total: float, way: Way | None, show
         bands=[_thinned(path, blur) for path in bands],
         numbered=[_thinned(path, blur) for path in found[0]],
         fine=[_thinned(path, blur) for path in found[1]],
-        numbers=_numbers(mesh, begin, levels.tolist(), way, NUMBER_ROOM * size) if way else [],
+        numbers=_numbers(mesh, begin, levels.tolist(), way, size) if way else [],
     )
 
 
 def _numbers(
-    mesh: BoundMesh, begin: float, levels: Sequence[float], way: Way, room: float
+    mesh: BoundMesh, begin: float, levels: Sequence[float], way: Way, size: float
 ) -> Sequence[tuple[float, Array, Array]]:
-    """Where the path first crosses each isochrone, `room` [m] from both ends, and a direction across it."""
+    """Where the path first crosses isochrones, and a direction across it; as many as a picture can hold.
+
+    `size` [m] is the diagonal of the picture.
+    """
     s = way.motion.arc_length
     at = np.linspace(0.0, s[-1], PATH_SAMPLES)
     path = np.column_stack([np.interp(at, s, way.motion.x), np.interp(at, s, way.motion.y)])
     reached = np.fmax.accumulate(mesh.potential(path) - begin)
-    numbers = []
+    numbers: list[tuple[float, Array, Array]] = []
     for level in levels:
         k = int(np.argmax(reached >= level))
-        if reached[k] >= level and min(np.hypot(*(path[k] - end)) for end in path[[0, -1]]) > room:
+        others = [at for _, at, _ in numbers[-1:]]
+        free = min(math.dist(path[k], end) for end in path[[0, -1]]) > NUMBER_ROOM * size
+        free &= all(math.dist(path[k], other) > NUMBERS_APART * size for other in others)
+        if reached[k] >= level and free:
             along = path[min(k + 1, len(path) - 1)] - path[max(k - 1, 0)]
-            numbers.append((float(level), path[k], np.array([along[1], -along[0]]) / np.hypot(*along)))
+            numbers.append((level, path[k], np.array([along[1], -along[0]]) / np.hypot(*along)))
     return numbers
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from markupsafe import Markup
 from matplotlib.axes import Axes
 
+from verify.report.curves import halo
 from verify.report.numbers import percent, seconds, seconds_proven
 from verify.report.palette import BAD_FILL, INK, LIMIT, MUTED, method
 from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_axes, to_svg
@@ -127,13 +128,15 @@ def _write(
     **place: Any,
 ) -> None:
     """Text beside a row: `at` in shares of the width and rows, `offset` in pixels."""
-    axes.annotate(
-        text,
-        at,
-        offset,
-        xycoords=("axes fraction", "data"),
-        textcoords="offset points",
-        color=colour,
-        weight=weight,
-        **place,
+    halo(
+        axes.annotate(
+            text,
+            at,
+            offset,
+            xycoords=("axes fraction", "data"),
+            textcoords="offset points",
+            color=colour,
+            weight=weight,
+            **place,
+        )
     )
