@@ -13,7 +13,7 @@ from vnav_drake.scenario import Scenario
 GATE = "certified_gap"  # what the stage serves; without a bound this gate is not evaluated, and nothing else
 METHOD = "quadratic certificate (second-order cone program)"
 OPTIMA = ("speed_graph", "collocation")  # plans of the variational model, whose gap is certified
-EMERGENCY = 900.0  # [s]: no round begins after it (`stopped` is then `time`); ordinary runs take seconds
+EMERGENCY = 900.0  # [s] after which no further round is begun, told as `stopped: time`; runs take seconds
 WITHIN = 1.0 - 1e-6  # of the gate's limit is aimed at: the checker rounds the bound down
 
 
