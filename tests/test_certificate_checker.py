@@ -231,6 +231,27 @@ def test_rounding_outward_costs_little_and_never_flatters(tmp_path):
     assert (true - quick)[np.isfinite(true)].max() < 1e-13
 
 
+@pytest.mark.parametrize("heavy", [1.0, 1.0 + 2.0**-48 - 2.0**-52], ids=["one", "rounded above one"])
+def test_both_sides_of_the_inequality_are_rounded_outward(heavy, tmp_path):
+    # Against integers: |grad u|^2 from above, the minorant from below; slivers, where products cancel, too.
+    asked = case.question(**ROOM)
+    xs, ys = np.array([0.0, 3.0, 3.0 + case.UNIT, 7.5, 12.0]), np.array([0.0, 2.0, 2.0 + case.UNIT, 5.5, 8.0])
+    arrays = case.make(
+        asked, *case.grid(xs, ys), lambda p: np.sin(p[:, 0]) + 25.0 + p[:, 1] / 3.0, scale=False
+    )
+    arrays["weight"] = arrays["weight"] * heavy
+    file = case.read(case.sealed(arrays), tmp_path)
+    found, every = check_tiling(file, asked.features), slice(None)
+    corners = corners_of(file, found.side_edges, found.twice_area, every)
+    minorants = minorants_of(file, asked.features, asked.setting.limits, every)
+    # |g| = 2 sqrt(N) / (unit D): compare 4 N with (above unit D)^2
+    above = Dyadic.of(floating.gradient_above(corners) * file.unit)  # the unit is a power of two
+    width = above * Dyadic(corners.twice_area.astype(object)[:, None], 0)
+    assert rational._gradient_square(corners).scaled(2).not_above(width * width).all()
+    below = Dyadic.of(floating.minorant_below(minorants))
+    assert below.not_above(rational._minorant(minorants)).all()
+
+
 def around_a_point(levels):
     """A hall of 40 x 4 m as nested squares around (4, 2), each half as wide as the one around it."""
     ring = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]], dtype=float)

@@ -25,8 +25,8 @@ Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 OUTSIDE = -1  # blocked by being outside the boundary; -2 - k: inside obstacle k
-CHUNK = 2_000_000  # pairs of triangles and sides compared at once, at most
-MOST_PAIRS = 50_000_000  # in all: far more than near any mesh that was not made to be slow
+CHUNK = 500_000  # pairs of triangles and sides compared at once, at most
+MOST_PAIRS = 2_000_000  # in all: a hundred times what a mesh has that was not made to be slow
 
 
 @dataclass(frozen=True, eq=False)
