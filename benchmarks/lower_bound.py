@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import resource
 import statistics
 import tempfile
 import time
@@ -88,8 +87,14 @@ def fastest(problem: Problem) -> float:
 def _outcome(found: LowerBound, wall: float) -> Outcome:
     best = np.maximum.accumulate([r.lower_bound for r in found.rounds]).tolist()
     rounds = tuple((r.seconds, r.triangles, b) for r, b in zip(found.rounds, best, strict=True))
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9  # Linux counts in KiB
-    return Outcome(rounds, found.stopped, wall, memory)
+    return Outcome(rounds, found.stopped, wall, _peak_memory())
+
+
+def _peak_memory() -> float:
+    """Most memory [GB] that this process held; getrusage counts that of the parent before it as well."""
+    status = Path("/proc/self/status").read_text(encoding="ascii")  # Linux only
+    (line,) = [line for line in status.splitlines() if line.startswith("VmHWM:")]
+    return int(line.split()[1]) * 1024 / 1e9
 
 
 def solve_known(name: str, seconds: float) -> Outcome:
