@@ -251,7 +251,7 @@ def test_both_sides_of_the_inequality_are_rounded_outward(heavy, tmp_path):
     assert rational._gradient_square(corners).scaled(2).not_above(width * width).all()
     below = Dyadic.of(floating.minorant_below(minorants))
     assert below.not_above(rational._minorant(minorants)).all()
-    # Weights 1 or 1/2 each, times `heavy`, are divided by their sum `heavy`: what is left is that of the former.
+    # Weights 1 or 1/2 each, times `heavy`, are divided by their sum `heavy`, which leaves the former.
     plain = replace(minorants, weight=minorants.weight / heavy)
     assert set(plain.weight.sum(axis=1)) == {1.0}
     last_place = Dyadic(1, rational.TANGENT_PLACES - 2)
