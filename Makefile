@@ -5,6 +5,7 @@
 #   make lint     ruff and mypy
 #   make gallery  every scenario          make bench    speed against peers
 #   make study    how graphs rank homotopy classes, on 1,000 random worlds (half an hour; goes on where it stopped)
+#   make peers    installs what benchmarks and some tests compare with (needs a C compiler)
 #   make figures  those of docs/speed_graph.md and docs/certificate.md
 #   make clean    removes environment, caches and reports
 #
@@ -31,7 +32,7 @@ export OMP_NUM_THREADS ?= 1
 STAMP := $(VENV)/.installed
 STALE := $(shell tools/set-up --check "$(VENV)" "$(PYTHON)" || echo stale)
 
-.PHONY: help demo test lint gallery bench study figures clean setup
+.PHONY: help demo test lint gallery bench study peers figures clean setup
 ifneq ($(STALE),)
 .PHONY: $(STAMP)
 endif
@@ -61,6 +62,8 @@ lint: $(STAMP)
 	$(RUN) ruff check
 	$(RUN) ruff format --check
 	$(RUN) mypy
+
+peers: $(VENV)/.installed-bench
 
 bench: $(VENV)/.installed-bench
 	$(RUN) benchmarks $(ARGS)
