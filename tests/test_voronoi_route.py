@@ -17,11 +17,11 @@ from vnav_drake.braking import UniformBraking
 from vnav_drake.problem import End, NoPathError, PlanningError, Problem
 from vnav_drake.robot import Robot
 from vnav_drake.voronoi import PARABOLA, build_diagram, travel_time
+from vnav_drake.voronoi.legs import retraction, straight_leg
+from vnav_drake.voronoi.network import build_network
+from vnav_drake.voronoi.paths import DEVIATION, parabola_biarcs
 from vnav_drake.voronoi_route import k_best_routes, plan_voronoi_route
 from vnav_drake.voronoi_route.ends import end_cost_bound, time_with_ends
-from vnav_drake.voronoi_route.legs import retraction, straight_leg
-from vnav_drake.voronoi_route.network import build_network
-from vnav_drake.voronoi_route.realise import DEVIATION, parabola_biarcs
 from vnav_drake.voronoi_route.search import Route, fastest_route, routes
 from vnav_drake.world import Obstacle, World
 

@@ -17,10 +17,10 @@ from vnav_drake.plan import Path, Plan
 from vnav_drake.problem import PlanningError, Problem
 from vnav_drake.speed_profile import fastest_profile
 from vnav_drake.voronoi import VoronoiDiagram, build_diagram, travel_time
+from vnav_drake.voronoi.legs import NEAR, straight_leg
+from vnav_drake.voronoi.network import Network, build_network, no_path
+from vnav_drake.voronoi.paths import route_path
 from vnav_drake.voronoi_route.ends import end_cost_bound, time_with_ends
-from vnav_drake.voronoi_route.legs import NEAR, straight_leg
-from vnav_drake.voronoi_route.network import Network, build_network, no_path
-from vnav_drake.voronoi_route.realise import route_path
 from vnav_drake.voronoi_route.search import Route, fastest_route, routes
 
 __all__ = ["k_best_routes", "plan_voronoi_route"]

@@ -12,7 +12,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra, yen
 
 from vnav_drake.voronoi import Curves
-from vnav_drake.voronoi_route.network import Network
+from vnav_drake.voronoi.network import Network
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vnav_drake.problem import PlanningError
-from vnav_drake.voronoi import PARABOLA, Curves, VoronoiDiagram
-from vnav_drake.voronoi.curves import empty, linear, near_point
+from vnav_drake.voronoi.curves import PARABOLA, Curves, empty, linear, near_point
+from vnav_drake.voronoi.diagram import VoronoiDiagram
 from vnav_drake.world import World
 
 Array = NDArray[np.float64]

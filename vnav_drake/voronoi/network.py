@@ -10,8 +10,10 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from vnav_drake.problem import End, NoPathError, PlanningError, Problem
-from vnav_drake.voronoi import Curves, VoronoiDiagram, travel_time
-from vnav_drake.voronoi_route.legs import NEAR, retraction
+from vnav_drake.voronoi.curves import Curves
+from vnav_drake.voronoi.diagram import VoronoiDiagram
+from vnav_drake.voronoi.legs import NEAR, retraction
+from vnav_drake.voronoi.times import travel_time
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

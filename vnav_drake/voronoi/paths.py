@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from vnav_drake.biarcs import biarcs
 from vnav_drake.plan import Path
-from vnav_drake.voronoi import PARABOLA, Curves
+from vnav_drake.voronoi.curves import PARABOLA, Curves
 
 Array = NDArray[np.float64]
 
