@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from vnav_drake import End, NoPathError, Obstacle, PlanningError, Problem, Robot, UniformBraking, World
 from vnav_drake.lower_bound import bound as bound_module
 from vnav_drake.lower_bound import lower_bound as bound
+from vnav_drake.lower_bound.assembly import assemble
 from vnav_drake.lower_bound.blocked import FREE, Solids, blocked_by
 from vnav_drake.lower_bound.certificate import digest
 from vnav_drake.lower_bound.cover import Cover, Ground, barycentric
@@ -23,6 +24,7 @@ from vnav_drake.lower_bound.mesh import Mesh, edges_of
 from vnav_drake.lower_bound.minorant import CAP, Law, choose
 from vnav_drake.lower_bound.program import Solution
 from vnav_drake.lower_bound.refinement import first_cover, losses, worst
+from vnav_drake.speed_graph import speed_graph
 
 ROOM = ((0.0, 0.0), (8.0, 0.0), (8.0, 6.0), (0.0, 6.0))
 BOX = ((3.0, 2.0), (5.0, 2.0), (5.0, 4.5), (3.0, 4.5))
@@ -108,9 +110,8 @@ def test_every_choice_is_below_the_slowness(braking, seed):
     """Against 1/V of the braking module at the true distance, at random places of random triangles."""
     rng = np.random.default_rng(seed)
     radius = float(rng.uniform(0.0, 0.5))
-    features = Features(
-        np.array([[0.0, 0.0, 6.0, 0.0, 0.0], [3.0, 2.5, 3.0, 2.5, 0.3], [0.0, 4.0, 6.0, 5.0, 0.0]])
-    )
+    table = [[0.0, 0.0, 6.0, 0.0, 0.0], [3.0, 2.5, 3.0, 2.5, 0.3], [0.0, 4.0, 6.0, 5.0, 0.0]]
+    features = Features(np.array(table), np.zeros(3, dtype=bool))
     corners = rng.uniform(0.0, 5.0, (40, 1, 2)) + rng.uniform(-0.6, 0.6, (40, 3, 2))
     which = np.broadcast_to(np.arange(3)[None, :, None], (40, 3, 3))
     distance = features.distance(corners[:, None], which)
@@ -186,7 +187,7 @@ def test_an_end_is_never_blocked():
 
 
 def test_near_a_feature_means_all_corners_within_the_level():
-    features = Features(np.array([[0.0, 0.0, 8.0, 0.0, 0.0]]))
+    features = Features(np.array([[0.0, 0.0, 8.0, 0.0, 0.0]]), np.array([False]))
     solids = Solids(World.build(ROOM))
     corners = np.array([[[1.0, 0.1], [2.0, 0.1], [1.5, 0.29]], [[1.0, 0.1], [2.0, 0.1], [1.5, 0.31]]])
     distance = corners[:, None, :, 1]
@@ -255,16 +256,16 @@ def test_multipliers_are_the_time_of_the_optimal_flow():
     """They add up to the bound, and lie where the two ways round the box are."""
     question = problem(BOX)
     cover = first_cover(Ground.of(question), question.world.bounds)
-    rows, elements, start, goal = bound_module._elements(cover)
-    solution = bound_module._solution(elements, start, goal, 1e-4)
+    assembly = assemble(cover)
+    solution = bound_module._solution(assembly, 1e-4)
     assert solution.time.sum() == pytest.approx(1.0)
-    busy = elements.corners[solution.time.sum(axis=1) > 1e-3].mean(axis=1)
+    busy = assembly.elements.corners[solution.time.sum(axis=1) > 1e-3].mean(axis=1)
     assert question.clearance(busy).min() > 0.0
     # Without the box in the way the straight line would be best: no time is spent inside it.
     assert not shapely.contains_xy(shapely.Polygon(BOX), busy[:, 0], busy[:, 1]).any()
-    lost = losses(bound_module._with_flow(cover, rows, solution))
+    lost = losses(bound_module._with_flow(assembly, solution))
     assert 0.0 < lost.sum() < 1.0
-    assert worst(bound_module._with_flow(cover, rows, solution)).sum() < len(lost)
+    assert worst(bound_module._with_flow(assembly, solution)).sum() < len(lost)
 
 
 def test_whatever_the_solver_says_the_certificate_holds(monkeypatch):
@@ -313,3 +314,51 @@ def test_parts_that_are_not_connected_are_no_path():
     wall = ((3.5, 0.0), (4.5, 0.0), (4.5, 6.0), (3.5, 6.0))
     with pytest.raises(NoPathError):
         bound(problem(wall))
+
+
+# --- walls without thickness ---
+
+
+@pytest.mark.parametrize("x", [5.0, 4.97, 5.3])  # along mesh lines, and not
+def test_u_jumps_across_a_wall_that_a_point_robot_goes_round(x):
+    wall = [(x, 0.0), (x + 0.01 * (x != 5.0), 7.0)]
+    boundary = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))
+    question = problem(wall, boundary=boundary, radius=0.0, start=(4.0, 3.0), goal=(6.0, 3.0))
+    through = math.sqrt(2.0) * (math.sqrt(x - 4.0) + math.sqrt(6.0 - x))  # [s], what a continuous u can prove
+    found = bound(question, budget=12_000)
+    assert found.travel_time > 1.5 * through
+    best = speed_graph(question, classes=1).classes[0].travel_time
+    assert best / 1.01 <= found.travel_time <= best
+    side = found.certificate.side
+    if x == 5.0:  # cut at edges only
+        assert not side.any()
+    else:
+        assert sorted(set(side[side != 0].tolist())) == [-5, 5]  # wall 4, after the four sides
+        assert (side > 0).sum() == (side < 0).sum() > 0
+
+
+def test_a_wall_from_side_to_side_parts_the_room():
+    with pytest.raises(NoPathError):
+        bound(problem([(4.1, 0.0), (4.3, 6.0)], radius=0.0))
+
+
+def test_crossing_walls_are_gone_round():
+    walls = [[(2.0, 1.5), (5.0, 5.0)], [(5.0, 1.0), (2.0, 4.6)]]
+    question = problem(*walls, radius=0.0, start=(3.6, 4.7), goal=(3.4, 1.4))
+    best = speed_graph(question, classes=1).classes[0].travel_time
+    found = bound(question, upper=best, gap=0.01)
+    assert found.stopped == "gap"
+    assert found.travel_time <= best
+
+
+def test_with_an_end_on_a_wall_nothing_is_cut():
+    # On which side a motion sets out is not said, so u is continuous and the bound holds for both.
+    question = problem([(4.0, 1.0), (4.0, 5.0)], radius=0.0, start=(4.0, 3.0), goal=(7.0, 3.0))
+    certificate = bound(question, budget=4000).certificate
+    assert not certificate.side.any()
+    assert len(np.unique(certificate.vertices, axis=0)) == len(certificate.vertices)
+
+
+def test_a_robot_with_a_radius_needs_no_sheets():
+    certificate = bound(problem([(4.0, 0.0), (4.0, 4.0)], radius=0.2), budget=4000).certificate
+    assert len(np.unique(certificate.vertices, axis=0)) == len(certificate.vertices)

@@ -300,12 +300,11 @@ def test_a_robot_that_barely_fits():
     assert best * 0.8 <= bound(problem, 12_000) <= best * (1.0 + ROUNDING)
 
 
-def test_a_point_robot_is_bounded_by_the_way_through_a_thin_wall():
-    # What the certificate does not say: V vanishes on the wall only, and a curve with |q'| <= V gets through
-    # in 2 sqrt(2 * 1 / a_b), from 1 m before it to 1 m behind. No certificate proves more.
+def test_a_point_robot_is_not_bounded_by_the_way_through_a_thin_wall():
+    # V vanishes on the wall only: a curve with |q'| <= V gets through in 2 sqrt(2 * 1 / a_b), from 1 m before
+    # it to 1 m behind. No motion does, as it keeps clear of the wall, so more can be proven.
     world = World.build(HALL, [Obstacle(((-10.0, 10.0), (10.0, 10.0)))])
     problem = problem_in(world, (0.0, 9.0), (0.0, 11.0))
     through = 2.0 * math.sqrt(2.0)
-    assert through * (1.0 - 0.25) <= bound(problem) <= through * (1.0 + ROUNDING)
     round_it = speed_graph(problem, classes=1, with_published=False).classes[0].travel_time
-    assert round_it > 2.0 * through
+    assert 2.0 * through < bound(problem) <= round_it * (1.0 + ROUNDING)

@@ -29,6 +29,7 @@ class Certificate:
     unit: float  # [m], a power of two
     box: Indices  # (4,) x0, y0, x1, y1 on the lattice; kept and dropped triangles tile it
     triangles: Indices  # (t, 3) kept, anticlockwise
+    side: Indices  # (t,): 0 whole, f + 1 only the part left of wall f, -(f + 1) right of it (see `sheets`)
     dropped: Indices  # (s, 3) anticlockwise
     blocked_by: Indices  # (s,): f >= 0 near feature f, -1 outside the boundary, -2 - k in obstacle k
     edges: Indices  # (e, 2) of the kept triangles, smaller index first, sorted
@@ -62,7 +63,7 @@ class Certificate:
         return found
 
 
-_NARROW = frozenset({"triangles", "dropped", "blocked_by", "edges", "feature"})
+_NARROW = frozenset({"triangles", "side", "dropped", "blocked_by", "edges", "feature"})
 
 
 def digest(arrays: dict[str, NDArray[np.generic]]) -> NDArray[np.uint8]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vnav_drake.lower_bound.blocked import FREE, Solids, blocked_by
+from vnav_drake.lower_bound.exact import side_of
 from vnav_drake.lower_bound.features import Features
 from vnav_drake.lower_bound.mesh import Mesh
 from vnav_drake.lower_bound.minorant import Choice, Law, choose
@@ -140,12 +140,7 @@ def barycentric(corners: Array, point: Array) -> Array:
 
 def _contains(corners: Array, point: Array) -> bool:
     """Whether a closed anticlockwise triangle (3, 2) contains a point (2,), in exact arithmetic."""
-    p, q = Fraction(float(point[0])), Fraction(float(point[1]))
-    for i in range(3):
-        (x0, y0), (x1, y1) = ((Fraction(float(c)) for c in corners[k]) for k in (i, (i + 1) % 3))
-        if (x1 - x0) * (q - y0) < (y1 - y0) * (p - x0):
-            return False
-    return True
+    return bool((side_of(corners, np.roll(corners, -1, axis=0), point) >= 0).all())
 
 
 def _candidates(ground: Ground, mesh: Mesh, nearest: Indices, rows: Indices) -> tuple[Indices, Array]:

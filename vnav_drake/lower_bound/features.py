@@ -17,6 +17,7 @@ from vnav_drake.world import World
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 CHUNK = 1_000_000  # pairs of points and features measured at once
 
@@ -26,18 +27,21 @@ class Features:
     """Segments, each widened to all points within its radius r of it; a disc is a segment of length zero."""
 
     table: Array  # (f, 5) [m]: ends a and b, radius r; the boundary's sides first, then obstacle by obstacle
+    walls: Mask  # (f,), obstacles without thickness that part what is on both sides
 
     @classmethod
     def of(cls, world: World) -> Features:
         """The features of a world as it was given."""
         parts = [_sides(shapely.get_coordinates(world.boundary.exterior)[:-1])]
+        wall = [np.zeros(len(parts[0]), dtype=bool)]
         for obstacle in world.obstacles:
             if obstacle.circle is not None:
                 x, y, radius = obstacle.circle
                 parts.append(np.array([[x, y, x, y, radius]]))
             else:
                 parts.append(_sides(np.array(obstacle.vertices, dtype=float)))
-        return cls(np.concatenate(parts))
+            wall.append(np.full(len(parts[-1]), len(obstacle.vertices) == 2))
+        return cls(np.concatenate(parts), np.concatenate(wall))
 
     @cached_property
     def _tree(self) -> shapely.STRtree:
