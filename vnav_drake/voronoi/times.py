@@ -42,13 +42,13 @@ def travel_time(curves: Curves, braking: UniformBraking, radius: float) -> Array
     span = np.sort(curves.span, axis=1)
     if np.isinf(braking.max_speed):
         return _below_cap(curves, span, braking, radius)
-    slow = _slow_part(curves, span, radius + float(braking.distance(braking.max_speed)))
+    slow = slow_part(curves, span, radius + float(braking.distance(braking.max_speed)))
     s = curves.arc_length(slow)
     fast = np.maximum(curves.length - (s[:, 1] - s[:, 0]), 0.0)
     return _below_cap(curves, slow, braking, radius) + fast / braking.max_speed
 
 
-def _slow_part(curves: Curves, span: Array, cap: float) -> Array:
+def slow_part(curves: Curves, span: Array, cap: float) -> Array:
     """Where the distance is below `cap`: one increasing interval (n, 2) each, as distance is convex."""
     low, high = span.T
     is_linear = curves.kind == LINEAR
