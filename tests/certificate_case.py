@@ -76,6 +76,7 @@ def make(
         "unit": np.array(unit),
         "box": np.concatenate([lattice.min(0), lattice.max(0)]),
         "triangles": kept.astype(np.int32),
+        "side": np.zeros(len(kept), dtype=np.int32),
         "dropped": triangles[dropped].astype(np.int32),
         "blocked_by": blocked[dropped].astype(np.int32),
         "edges": edges.astype(np.int32),

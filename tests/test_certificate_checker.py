@@ -17,6 +17,7 @@ from verify.judge.certificate import check_certificate, floating, rational
 from verify.judge.certificate.bound import float_at_most
 from verify.judge.certificate.dyadic import Dyadic
 from verify.judge.certificate.minorant import corners_of, minorants_of
+from verify.judge.certificate.sheets import Sheets
 from verify.judge.certificate.signs import orientation, within
 from verify.judge.certificate.tiling import check_tiling
 
@@ -217,7 +218,7 @@ gradient, read = case.gradient, case.read
 
 def slacks(arrays, asked, folder):
     file = case.read(arrays, folder)
-    found = check_tiling(file, asked.features)
+    found = check_tiling(file, asked.features, Sheets.of(file))
     assert not found.faults
     every = slice(None)
     corners = corners_of(file, found.side_edges, found.twice_area, every)
@@ -242,7 +243,7 @@ def test_both_sides_of_the_inequality_are_rounded_outward(heavy, tmp_path):
     )
     arrays["weight"] = arrays["weight"] * heavy
     file = case.read(case.sealed(arrays), tmp_path)
-    found, every = check_tiling(file, asked.features), slice(None)
+    found, every = check_tiling(file, asked.features, Sheets.of(file)), slice(None)
     corners = corners_of(file, found.side_edges, found.twice_area, every)
     minorants = minorants_of(file, asked.features, asked.setting.limits, every)
     # |g| = 2 sqrt(N) / (unit D): compare 4 N with (above unit D)^2
@@ -398,18 +399,23 @@ def test_a_vertex_that_hangs_on_a_side_is_found(tmp_path):
     assert "the areas" not in found
 
 
-def test_two_sheets_over_the_box_are_found_by_their_area(tmp_path):
-    # Two copies with vertices of their own: every side is shared, only the area tells.
+def test_two_sheets_over_the_box_are_found(tmp_path):
+    # Two copies with vertices of their own: with rows of `vertices` alone every side would be shared.
     asked, arrays = simple()
     count, edges = len(arrays["vertices"]), len(arrays["edges"])
     for key in ("triangles", "edges"):
         arrays[key] = np.concatenate([arrays[key], arrays[key] + np.int32(count)])
-    for key in ("vertices", "u_vertex", "u_edge", "feature", "speed", "weight"):
+    for key in ("vertices", "u_vertex", "u_edge", "side", "feature", "speed", "weight"):
         arrays[key] = np.concatenate([arrays[key], arrays[key]])
     assert len(arrays["edges"]) == 2 * edges
     found = reasons(arrays, asked, tmp_path)
     assert "sum to 160 m^2 more than the box" in found  # the hall has 40 m x 4 m
-    assert "side" not in found
+    assert "two triangles lie on the same side of the side from (0, " in found
+    assert "more than once, and not once for each side of one wall: the triangle around (" in found
+    assert (
+        "copies, as at (0, 0) m, are for a robot without radius and margin; this one has 0.5 m and 0 m"
+        in found
+    )
 
 
 def test_two_vertices_at_one_place_do_not_join_triangles(tmp_path):
@@ -422,8 +428,14 @@ def test_two_vertices_at_one_place_do_not_join_triangles(tmp_path):
     arrays["triangles"] = np.where(right[:, None], moved, arrays["triangles"])
     arrays["vertices"] = np.concatenate([arrays["vertices"], arrays["vertices"][here]])
     arrays["u_vertex"] = np.concatenate([arrays["u_vertex"], arrays["u_vertex"][here]])
+    edges = np.sort(np.stack([arrays["triangles"], np.roll(arrays["triangles"], -1, 1)], 2).reshape(-1, 2), 1)
+    arrays["edges"] = np.unique(edges, axis=0)
+    arrays["u_edge"] = arrays["u_vertex"][arrays["edges"]].mean(axis=1)  # u is linear
     found = reasons(arrays, asked, tmp_path)
-    assert "no other triangle has, as a whole side, the side from (20, " in found
+    assert "u may jump, without a wall all along, across the side from (20, " in found
+    assert "copies, as at (20, 0) m, are for a robot without radius and margin" in found
+    assert "edges" not in found
+    assert "no other triangle" not in found
 
 
 def test_a_box_that_does_not_hold_the_floor_is_refused(tmp_path):
@@ -484,7 +496,7 @@ def dropping(arrays, row, reason):
     changed = dict(arrays)
     changed["dropped"] = np.append(arrays["dropped"], arrays["triangles"][row : row + 1], axis=0)
     changed["blocked_by"] = np.append(arrays["blocked_by"], np.int32(reason))
-    for key in ("triangles", "feature", "speed", "weight"):
+    for key in ("triangles", "side", "feature", "speed", "weight"):
         changed[key] = np.delete(arrays[key], row, axis=0)
     kept = changed["triangles"]
     ends = np.unique(np.sort(np.stack([kept, np.roll(kept, -1, 1)], 2).reshape(-1, 2), 1), axis=0)

@@ -138,7 +138,7 @@ def test_terms_changed(key, change, words, arrays, asked, tmp_path, exact):
 
 # --- the mesh ---------------------------------------------------------------------------------------
 
-PER_TRIANGLE = ("triangles", "feature", "speed", "weight")
+PER_TRIANGLE = ("triangles", "side", "feature", "speed", "weight")
 
 
 def without(arrays, row):

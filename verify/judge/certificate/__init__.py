@@ -4,8 +4,9 @@
     proof = check_certificate(file, question, exact=True)
 
 It shares no code with what makes certificates: geometry comes from the scenario's raw numbers, and
-everything else from certificate.npz. `tiling`, `blocked` and `bound` decide in integers; the gradient
-inequality has two arithmetics, `floating` (with rounding bounds) and `rational` (exact).
+everything else from certificate.npz. `tiling`, `sheets`, `continuity`, `blocked` and `bound` decide in
+integers; the gradient inequality has two arithmetics, `floating` (with rounding bounds) and `rational`
+(exact).
 """
 
 from verify.judge.certificate.check import Proof, check_certificate

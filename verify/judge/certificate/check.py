@@ -9,6 +9,9 @@ there: it never enters one. On the kept ones t -> u(q(t)) is a continuous choice
 Lipschitz functions, so it is Lipschitz, and its rate is almost everywhere at most |grad u| v <= 1.
 Integrate. The inequality is shown at the corners only: grad u is affine on a triangle, its norm convex, and
 the minorant of 1/V affine.
+
+For a point robot (rho + m = 0) walls may cut u: then the theorem is about motions that touch nothing, and
+`continuity` shows that u(q(t)) is continuous for them.
 """
 
 from __future__ import annotations
@@ -23,9 +26,11 @@ from numpy.typing import NDArray
 from verify.judge.certificate import floating, rational
 from verify.judge.certificate.blocked import check_blocked
 from verify.judge.certificate.bound import barycentric, float_at_most, potential
+from verify.judge.certificate.continuity import check_continuity
 from verify.judge.certificate.file import CertificateFile
 from verify.judge.certificate.minorant import WEIGHT_ROUNDING, corners_of, minorants_of
 from verify.judge.certificate.same_question import question_faults
+from verify.judge.certificate.sheets import Sheets
 from verify.judge.certificate.statement import statement_of
 from verify.judge.certificate.tiling import check_tiling
 from verify.judge.certificate.wording import listed, place_of
@@ -68,11 +73,14 @@ def check_certificate(file: CertificateFile, question: Question, *, exact: bool 
         faults.append("the digest is not that of the numbers: the file was changed after it was written")
     faults += question_faults(file, question)
     comparable = len(file.features) == len(question.features.table)
-    tiling = check_tiling(file, question.features)
+    sheets = Sheets.of(file)
+    tiling = check_tiling(file, question.features, sheets)
     if comparable:
         faults += check_blocked(file, question.features, limits, exact=exact)
     term_faults, usable = _term_faults(file)
     faults += [*tiling.faults, *term_faults]
+    if comparable:
+        faults += check_continuity(file, sheets, question, exact=exact)
     slack = np.full((len(file.triangles), 3), -np.inf)
     positive = bool((tiling.twice_area > 0).all())
     if tiling.side_edges is not None and comparable and usable and positive:
@@ -105,6 +113,7 @@ def check_certificate(file: CertificateFile, question: Question, *, exact: bool 
         statement=statement_of(
             file,
             question,
+            sheets,
             proven=proven if holds else None,
             worst=float(slack[corner]),
             at=(float(x), float(y)),

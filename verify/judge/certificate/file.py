@@ -45,6 +45,7 @@ _LAYOUT: Mapping[str, tuple[str, tuple[str | int, ...]]] = {
     "unit": ("<f8", ()),
     "box": ("<i8", (4,)),
     "triangles": ("<i4", ("t", 3)),
+    "side": ("<i4", ("t",)),
     "dropped": ("<i4", ("s", 3)),
     "blocked_by": ("<i4", ("s",)),
     "edges": ("<i4", ("e", 2)),
@@ -84,6 +85,7 @@ class CertificateFile:
     unit: Array  # () [m], a power of two
     box: NDArray[np.int64]  # (4,) lattice box x0, y0, x1, y1
     triangles: NDArray[np.int32]  # (t, 3) kept
+    side: NDArray[np.int32]  # (t,) 0: whole; f + 1, -f - 1: the part left, right of the line of wall f
     dropped: NDArray[np.int32]  # (s, 3)
     blocked_by: NDArray[np.int32]  # (s,)
     edges: NDArray[np.int32]  # (e, 2)
@@ -241,6 +243,12 @@ def _number_faults(arrays: Mapping[str, NDArray[Any]]) -> list[str]:
     ):
         inside = (arrays[key] >= first) & (arrays[key] < count)
         demand(key, inside, f"must be an index from {first} to {count - 1}")
+    known = (arrays["side"] >= -features) & (arrays["side"] <= features)
+    demand(
+        "side",
+        known,
+        f"must be 0 or up to {features}, for the left, or to -{features}, for the right of a wall",
+    )
     for key in ("u_vertex", "u_edge"):
         demand(key, ~(np.abs(arrays[key]) > MOST_POTENTIAL), f"must be at most {MOST_POTENTIAL:g} s")
     return wrong or _lattice_faults(arrays)

@@ -11,7 +11,8 @@ the sum is the box's area M = 1.
 
 With M = 1 the neighbour across each side has the same two vertices, and around each point the triangles
 follow each other side by side, so that a function given by one value for each vertex and side is
-continuous: no vertex hangs on a neighbour's side, and two vertices at the same place do no harm.
+continuous: no vertex hangs on a neighbour's side. Where a place has several vertices, with values of their
+own, u may jump: `continuity` looks at that.
 """
 
 from __future__ import annotations
@@ -23,10 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from verify.judge.certificate.file import CertificateFile
+from verify.judge.certificate.sheets import Sheets
 from verify.judge.certificate.wording import listed, place_of, side_of
 from verify.judge.features import Features
 
 Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 SAFE_SPAN = 2**31 - 1  # of lattice coordinates: doubled areas fit into 64 bits
 
@@ -42,16 +45,20 @@ class Tiling:
     side_edges: Indices | None  # (t, 3), row in `edges` of the side from corner i to i + 1
 
 
-def check_tiling(file: CertificateFile, features: Features) -> Tiling:
-    """Check that kept and dropped triangles tile a box around the boundary, and the list of edges."""
+def check_tiling(file: CertificateFile, features: Features, sheets: Sheets) -> Tiling:
+    """Check that kept and dropped triangles tile a box around the boundary, and the list of edges.
+
+    Vertices at one place count as one there, and the two copies of a triangle that a wall cuts as one.
+    """
     triangles = np.concatenate([file.triangles, file.dropped]).astype(np.int64)
+    once = np.append(sheets.counted(len(file.triangles)), np.ones(len(file.dropped), dtype=bool))
     edge_faults, side_edges = _edges(file)
     twice_area = _twice_areas(file, triangles)
     faults = [
         *_box_faults(file, features),
         *_outside(file, triangles),
-        *_areas(file, triangles, twice_area),
-        *_sides(file, triangles),
+        *_areas(file, triangles, twice_area, once),
+        *_sides(file, sheets.at(triangles if once.all() else triangles[once])),
         *edge_faults,
     ]
     return Tiling(tuple(faults), twice_area[: len(file.triangles)], side_edges)
@@ -82,12 +89,12 @@ def _twice_areas(file: CertificateFile, triangles: Indices) -> NDArray[Any]:
     return np.asarray(u[:, 0] * w[:, 1] - u[:, 1] * w[:, 0])
 
 
-def _areas(file: CertificateFile, triangles: Indices, twice: NDArray[Any]) -> list[str]:
-    """Orientation of all triangles, and the sum of their areas."""
+def _areas(file: CertificateFile, triangles: Indices, twice: NDArray[Any], once: Mask) -> list[str]:
+    """Orientation of all triangles, and the sum of the areas of those that count."""
     turned = triangles[np.asarray(twice <= 0, dtype=bool)]
     faults = listed("not anticlockwise with positive area:", turned, lambda t: place_of(file, t))
     x0, y0, x1, y1 = (int(k) for k in file.box)
-    excess = sum(twice.tolist()) - 2 * (x1 - x0) * (y1 - y0)
+    excess = sum(twice[once].tolist()) - 2 * (x1 - x0) * (y1 - y0)
     if excess:
         square = 0.5 * excess * float(file.unit) ** 2
         what = "more than" if excess > 0 else "less than"
