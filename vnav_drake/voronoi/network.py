@@ -46,7 +46,7 @@ def build_network(problem: Problem, diagram: VoronoiDiagram, level: float, timed
     cuts: list[tuple[int, float, int]] = []  # arc, parameter, vertex
     terminals = []
     for name, end in (("start", problem.start), ("goal", problem.goal)):
-        _demand_room(problem, name, end, level)
+        demand_room(problem, name, end, level)
         leg, place = retraction(problem.world, end.point)
         arc, u, vertex = _attach(part, arcs, ends, place)
         if vertex is None:
@@ -70,7 +70,8 @@ def build_network(problem: Problem, diagram: VoronoiDiagram, level: float, timed
     return Network(curves, ends, time, count, terminals[0], terminals[1])
 
 
-def _demand_room(problem: Problem, name: str, end: End, level: float) -> None:
+def demand_room(problem: Problem, name: str, end: End, level: float) -> None:
+    """Raises NoPathError when an end, told by `name`, is nearer than `level` [m] to an obstacle or not free."""
     distance = float(problem.world.distance(end.point))
     if distance < level or distance <= 0.0:
         x, y = end.position
