@@ -1,13 +1,34 @@
-"""The vc-method of Manor 2015, Ch. 2: critical points, cells and adjacency graph of position-velocity space."""
+"""The vc-method (Manor 2015, Ch. 2): critical points, cells, adjacency graph of position-velocity space."""
 
+from vnav_drake.vc_method.adjacency import AdjacencyGraph, build_adjacency, published_cost
+from vnav_drake.vc_method.cells import (
+    Cell,
+    CellDecomposition,
+    HorizontalPartition,
+    Stack,
+    VerticalPartition,
+    decompose,
+)
 from vnav_drake.vc_method.critical import MAXIMUM, SADDLE, CriticalPoints, critical_points
+from vnav_drake.vc_method.search import CellRoute, search
 from vnav_drake.vc_method.topology import euler_characteristic, free_components
 
 __all__ = [
     "MAXIMUM",
     "SADDLE",
+    "AdjacencyGraph",
+    "Cell",
+    "CellDecomposition",
+    "CellRoute",
     "CriticalPoints",
+    "HorizontalPartition",
+    "Stack",
+    "VerticalPartition",
+    "build_adjacency",
     "critical_points",
+    "decompose",
     "euler_characteristic",
     "free_components",
+    "published_cost",
+    "search",
 ]
