@@ -71,7 +71,7 @@ def build_network(problem: Problem, diagram: VoronoiDiagram, level: float, timed
 
 
 def demand_room(problem: Problem, name: str, end: End, level: float) -> None:
-    """Raises NoPathError when an end, told by `name`, is off the floor or nearer than `level` [m] to a feature."""
+    """Raises NoPathError where the end called `name` is not free or has less than `level` [m] around it."""
     distance = float(problem.world.distance(end.point))
     if distance < level or distance <= 0.0:
         x, y = end.position
