@@ -44,7 +44,7 @@ def statement_of(
         else "in floating point, with every rounding error bounded and counted against the certificate"
     )
     sides = f"{len(features.table)} sides, walls, points and circles with the boundary"
-    motion = "motion that touches nothing" if sheets.used else "motion"
+    clear = " that touches nothing on its way" if sheets.used else ""
     function = "function u, continuous off the walls" if sheets.used else "continuous function u"
     return (
         f"Asked: how fast a disc of radius {limits.radius:g} m can get from {start} to {goal} among the "
@@ -53,24 +53,25 @@ def statement_of(
         f"{limits.reaction_time:g} s, margin {limits.margin:g} m, {fastest}). The certificate holds a "
         f"{function}, quadratic on each of {kept} triangles. With {dropped} triangles in which "
         f"the robot cannot move they tile the box from {_point(low)} to {_point(high)}, which holds the "
-        f"whole floor; this was checked in integers. {_copies(sheets)}At their corners |grad u| is at most a "
-        f"lower bound of 1/V that is affine on each triangle, so |grad u| <= 1/V everywhere on it: all "
+        f"whole floor; this was checked in integers. {_copies(sheets, kept)}At their corners |grad u| is at "
+        f"most a lower bound of 1/V that is affine on each triangle, so |grad u| <= 1/V everywhere on it: all "
         f"{3 * kept} inequalities hold {arithmetic}, the tightest with a relative slack of {worst:.2g} at "
-        f"{_point(at)}. So u grows by at most one second a second along any {motion}, and "
-        f"u(goal) - u(start) is {seconds} s, rounded down. Hence: no {motion} of the variational model from "
-        f"{start} to {goal}, in whatever homotopy class, takes less than {seconds} s."
+        f"{_point(at)}. So u grows by at most one second a second along any motion{clear}, and "
+        f"u(goal) - u(start) is {seconds} s, rounded down. Hence: no motion of the variational model from "
+        f"{start} to {goal}{clear}, in whatever homotopy class, takes less than {seconds} s."
     )
 
 
-def _copies(sheets: Sheets) -> str:
+def _copies(sheets: Sheets, kept: int) -> str:
     """What stands twice, if anything."""
     if not sheets.used:
         return ""
     count = len(sheets.pairs)
     stand = "triangle stands" if count == 1 else "triangles stand"
     return (
-        f"{count} {stand} in two sheets, one for each side of a wall that cuts through, and along walls "
-        f"triangles may part: there alone u jumps, and there no motion gets through that touches nothing. "
+        f"{count} {stand} in two sheets, one for each side of a wall that cuts through (twice among the "
+        f"{kept}, once in the tiling), and along walls triangles may part: there alone u jumps, and there no motion gets "
+        f"through that touches nothing. "
     )
 
 
