@@ -49,7 +49,14 @@ class Fillets:
 
 
 def fillets(
-    world: World, road: Road, stretch: Array, turn: Array, radius: Array, room: Array, level: float
+    world: World,
+    road: Road,
+    stretch: Array,
+    turn: Array,
+    free: Mask,
+    radius: Array,
+    room: Array,
+    level: float,
 ) -> Fillets:
     """Tangent arcs around stretches of the road.
 
@@ -57,6 +64,8 @@ def fillets(
     ----------
     stretch : (n, 2) [m], arc lengths that must lie within the arc.
     turn : (n,) [rad], whose sign is the side of the centre.
+    free : (n, 2), whether the stretch begins at the start, or ends at the goal, with any heading: there the
+        arc must pass through the point alone.
     radius : (n,) [m]
     room : (n, 2) [m], how far before and behind the stretch the road may be left and met.
     level : [m], least distance to obstacles.
@@ -65,31 +74,34 @@ def fillets(
     -----
     The centre lies at distance R on the inner side of both tangent points: the offset curves of the road
     before and behind the corner meet there. Newton's method in the two arc lengths, where a step on the
-    road moves the centre by 1 - R kappa.
+    road moves the centre by 1 - R kappa; or in the heading at a free end, which moves it by R.
     """
     side = np.where(turn < 0.0, -1.0, 1.0)
     signed = side * radius
-    a, b = np.zeros(len(radius)), np.zeros(len(radius))
+    a, b = _first_guess(road, stretch, free, radius, side)
     for k in range(_ROUNDS):
-        miss, tangent, bend = _miss(road, stretch, signed, a, b)
+        miss, tangent, bend = _miss(road, stretch, free, signed, a, b)
         if k == 0:
             bend = np.zeros_like(bend)  # as if both sides were straight
-        (p, q), (kp, kq) = tangent, 1.0 - signed * bend
+        p, q = tangent
+        kp = np.where(free[:, 0], signed, _apart(1.0 - signed * bend[0]))
+        kq = np.where(free[:, 1], -signed, _apart(1.0 - signed * bend[1]))
         cross = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
         scale = np.where(np.abs(cross) > 1e-12, cross, 1e-12)
-        step_a = (miss[:, 0] * q[:, 1] - miss[:, 1] * q[:, 0]) / (scale * _apart(kp))
-        step_b = (p[:, 0] * miss[:, 1] - p[:, 1] * miss[:, 0]) / (scale * _apart(kq))
-        a_next = np.clip(a + step_a, 0.0, room[:, 0])
-        b_next = np.clip(b + step_b, 0.0, room[:, 1])
+        step_a = (miss[:, 0] * q[:, 1] - miss[:, 1] * q[:, 0]) / (scale * kp)
+        step_b = (p[:, 0] * miss[:, 1] - p[:, 1] * miss[:, 0]) / (scale * kq)
+        a_next = np.where(free[:, 0], a + np.clip(step_a, -0.5, 0.5), np.clip(a + step_a, 0.0, room[:, 0]))
+        b_next = np.where(free[:, 1], b + np.clip(step_b, -0.5, 0.5), np.clip(b + step_b, 0.0, room[:, 1]))
         still = bool(np.all((a_next == a) & (b_next == b)))
         a, b = a_next, b_next
         if still:
             break
-    miss, (p, q), _ = _miss(road, stretch, signed, a, b)
+    miss, (p, q), _ = _miss(road, stretch, free, signed, a, b)
     exists = np.hypot(miss[:, 0], miss[:, 1]) <= _EXACT * (1.0 + radius)
     swing = np.arctan2(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0], np.einsum("ij,ij->i", p, q))
     exists &= swing * side > 0.0
-    begin, end = stretch[:, 0] - a, stretch[:, 1] + b
+    begin = stretch[:, 0] - np.where(free[:, 0], 0.0, a)
+    end = stretch[:, 1] + np.where(free[:, 1], 0.0, b)
     point = road.at(begin, after=False)[0]
     heading = np.arctan2(p[:, 1], p[:, 0])
     clearance = np.full(len(radius), -np.inf)
@@ -111,12 +123,31 @@ def arc_points(point: Array, heading: Array, curvature: Array, length: Array) ->
     return np.asarray(point[:, None] + chord[..., None] * np.stack([np.cos(mean), np.sin(mean)], axis=-1))
 
 
+def _first_guess(road: Road, stretch: Array, free: Mask, radius: Array, side: Array) -> tuple[Array, Array]:
+    """No way from the corner; at a free end the heading of a circle that meets a straight road."""
+    a, b = np.zeros(len(radius)), np.zeros(len(radius))
+    if free.any():
+        x, before, _ = road.at(stretch[:, 0], after=False)
+        y, behind, _ = road.at(stretch[:, 1], after=True)
+        for mine, unknown, other, here, there, sign in (
+            (free[:, 0], a, behind, x, y, -1.0),
+            (free[:, 1], b, before, y, x, 1.0),
+        ):
+            offset = here - there
+            height = np.abs(other[:, 0] * offset[:, 1] - other[:, 1] * offset[:, 0])
+            swing = np.arccos(np.clip(1.0 - height / radius, -1.0, 1.0))
+            unknown[mine] = (np.arctan2(other[:, 1], other[:, 0]) + sign * side * swing)[mine]
+    return a, b
+
+
 def _miss(
-    road: Road, stretch: Array, signed: Array, a: Array, b: Array
+    road: Road, stretch: Array, free: Mask, signed: Array, a: Array, b: Array
 ) -> tuple[Array, tuple[Array, Array], Array]:
     """Centre seen from before less centre seen from behind (n, 2), tangents, and curvatures (2, n)."""
-    x, p, kp = road.at(stretch[:, 0] - a, after=False)
-    y, q, kq = road.at(stretch[:, 1] + b, after=True)
+    x, p, kp = road.at(stretch[:, 0] - np.where(free[:, 0], 0.0, a), after=False)
+    y, q, kq = road.at(stretch[:, 1] + np.where(free[:, 1], 0.0, b), after=True)
+    p = np.where(free[:, :1], np.column_stack([np.cos(a), np.sin(a)]), p)
+    q = np.where(free[:, 1:], np.column_stack([np.cos(b), np.sin(b)]), q)
     normal = np.column_stack([q[:, 1] - p[:, 1], p[:, 0] - q[:, 0]])  # of p less that of q
     return x - y + signed[:, None] * normal, (p, q), np.stack([kp, kq])
 

@@ -121,7 +121,9 @@ def _consistent_rounding(problem: Problem, road: Road) -> tuple[Rounding, Array,
         target = smallest_radius(problem, _free_speeds(problem, rounding, short))
         found = rounding.arcs.radius
         settled = target >= found * (1.0 - CONSISTENT)
-        settled &= short | (target <= found * (1.0 + CONSISTENT))
+        # too small for what it could be, or larger than it needs to be: both as they fit
+        forced = short | (found > radius * (1.0 + CONSISTENT)) & (target <= found)
+        settled = forced & (settled | ~short) | settled & (target <= found * (1.0 + CONSISTENT))
         settled |= corners.gentle
         if np.all(settled):
             consistent = True

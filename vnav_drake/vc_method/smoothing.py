@@ -22,6 +22,7 @@ GENTLE = 1e-3  # [rad]: a smaller turn is rounded by a biarc, whose ends are exa
 GENTLE_REACH = 0.02  # [m] of it on either side
 SMALLEST = 1e-4  # [m]: least radius tried
 LARGEST = 4.0  # times the radius wanted: a stretch that must lie within the arc may need a larger one
+_FREED = 3  # corners from an end that one arc may replace
 _GRID = 40  # radii tried at once
 _BISECTIONS = 10  # of the ratio between two of them, which leaves 3e-4
 _SHARE = 0.999  # of a run of road that two arcs share, so that a piece of it is left between them
@@ -33,6 +34,7 @@ class Corners:
 
     stretch: Array  # (n, 2) [m], arc lengths that the arc must span
     turn: Array  # (n,) [rad], left positive
+    free: Mask  # (n, 2) begins at the start, or ends at the goal, with any heading
 
     def __len__(self) -> int:
         return len(self.turn)
@@ -45,7 +47,20 @@ class Corners:
     @property
     def gentle(self) -> Mask:
         """(n,) kinks too slight for a circle to be found exactly."""
-        return (self.stretch[:, 0] == self.stretch[:, 1]) & (np.abs(self.turn) < GENTLE)
+        slight = (self.stretch[:, 0] == self.stretch[:, 1]) & (np.abs(self.turn) < GENTLE)
+        return slight & ~self.free.any(axis=1)
+
+    def take(self, index: Indices | Mask) -> Corners:
+        """Some rows."""
+        return Corners(self.stretch[index], self.turn[index], self.free[index])
+
+    @classmethod
+    def join(cls, one: Corners, other: Corners) -> Corners:
+        """Both, in order of travel."""
+        stretch = np.concatenate([one.stretch, other.stretch])
+        order = np.argsort(stretch[:, 0], kind="stable")
+        turn, free = np.concatenate([one.turn, other.turn]), np.concatenate([one.free, other.free])
+        return cls(stretch[order], turn[order], free[order])
 
 
 @dataclass(frozen=True)
@@ -75,12 +90,12 @@ def smallest_radius(problem: Problem, speed: Array) -> Array:
 
 def corners_of(problem: Problem, road: Road) -> Corners:
     """The corners of a road; those too near for an arc each become one where one arc fits around them."""
-    corners = Corners(*road.obstructions(problem.robot.max_curvature))
+    corners = _bound(*road.obstructions(problem.robot.max_curvature))
     steering = 1.0 / problem.robot.max_curvature
     while len(corners) > 1:
         arcs = _largest(problem, road, corners, np.full(len(corners), steering), _rooms(corners, road))
         good = arcs.fits & (arcs.radius >= steering) | corners.gentle
-        before, behind = corners.stretch[:, 0] - arcs.begin, arcs.end - corners.stretch[:, 1]
+        before, behind = _reaches(corners, arcs).T
         need = np.where(corners.gentle | ~arcs.fits, 0.0, behind)[:-1]
         need = need + np.where(corners.gentle | ~arcs.fits, 0.0, before)[1:]
         near = corners.runs(road)[1:-1] < np.maximum(need, 2.0 * steering * ~(good[1:] & good[:-1]))
@@ -88,6 +103,9 @@ def corners_of(problem: Problem, road: Road) -> Corners:
         if merged is None:
             break
         corners = merged
+    for side, end in ((0, problem.start), (1, problem.goal)):
+        if end.heading is None:
+            corners = _freed(problem, road, corners, side)
     return corners
 
 
@@ -104,8 +122,7 @@ def round_corners(problem: Problem, road: Road, corners: Corners, radius: Array)
         if len(crowded) == 0:
             break
         room = tighter
-        some = Corners(corners.stretch[crowded], corners.turn[crowded])
-        again = _largest(problem, road, some, radius[crowded], room[crowded])
+        again = _largest(problem, road, corners.take(crowded), radius[crowded], room[crowded])
         arcs = arcs.replaced(crowded, again)
     reach = np.where(corners.gentle, np.minimum(GENTLE_REACH, room.min(axis=1) / 3.0), 0.0)
     return Rounding(road, corners, arcs, reach)
@@ -117,9 +134,7 @@ def kinks_only(road: Road, corners: Corners, failed: Mask) -> Corners:
     place = stretch[:, 0]
     at = np.searchsorted(corners.stretch[:, 0], place, side="right") - 1
     inside = (at >= 0) & failed[at] & (place <= corners.stretch[at, 1])
-    rows = np.concatenate([corners.stretch[~failed], stretch[inside]])
-    order = np.argsort(rows[:, 0], kind="stable")
-    return Corners(rows[order], np.concatenate([corners.turn[~failed], turn[inside]])[order])
+    return Corners.join(corners.take(~failed), _bound(stretch[inside], turn[inside]))
 
 
 def smooth_path(problem: Problem, rounding: Rounding) -> tuple[Path, Indices]:
@@ -171,7 +186,7 @@ def _shared(problem: Problem, road: Road, corners: Corners, arcs: Fillets, room:
     """Room (n, 2) [m] where two arcs want more than the road between them: first what steering needs."""
     runs = corners.runs(road)[1:-1] * _SHARE
     gentle = corners.gentle
-    want = np.column_stack([corners.stretch[:, 0] - arcs.begin, arcs.end - corners.stretch[:, 1]])
+    want = _reaches(corners, arcs)
     want[gentle] = GENTLE_REACH
     steering = 1.0 / problem.robot.max_curvature
     # the tangent length goes with the radius, about
@@ -194,7 +209,14 @@ def _largest(problem: Problem, road: Road, corners: Corners, radius: Array, room
 
     def arcs_of(rows: Indices, size: Array) -> Fillets:
         return fillets(
-            problem.world, road, corners.stretch[rows], corners.turn[rows], size, room[rows], level
+            problem.world,
+            road,
+            corners.stretch[rows],
+            corners.turn[rows],
+            corners.free[rows],
+            size,
+            room[rows],
+            level,
         )
 
     every = np.arange(len(corners))
@@ -238,7 +260,8 @@ def _merged(problem: Problem, road: Road, corners: Corners, near: Indices) -> Co
     steering = 1.0 / problem.robot.max_curvature
     stretch = np.column_stack([corners.stretch[near, 0], corners.stretch[near + 1, 1]])
     between = corners.runs(road)[near + 1]
-    pair = Corners(stretch, corners.turn[near] + corners.turn[near + 1] + _bend(road, corners, near, between))
+    turn = corners.turn[near] + corners.turn[near + 1] + _bend(road, corners, near, between)
+    pair = _bound(stretch, turn)
     room = np.column_stack([corners.runs(road)[near], corners.runs(road)[near + 2]])
     arcs = _largest(problem, road, pair, np.full(len(near), steering), room)
     good = arcs.fits & (arcs.radius >= steering * (1.0 - 1e-9))
@@ -251,10 +274,55 @@ def _merged(problem: Problem, road: Road, corners: Corners, near: Indices) -> Co
             rows.append(k)
     if not rows:
         return None
-    left = ~taken[:-1]
-    joined = np.concatenate([corners.stretch[left], pair.stretch[rows]])
-    order = np.argsort(joined[:, 0], kind="stable")
-    return Corners(joined[order], np.concatenate([corners.turn[left], pair.turn[rows]])[order])
+    return Corners.join(corners.take(~taken[:-1]), pair.take(np.array(rows)))
+
+
+def _freed(problem: Problem, road: Road, corners: Corners, side: int) -> Corners:
+    """The first (side 0) or last corners as one arc from the start (to the goal), where they do not fit else.
+
+    The leg between an end and its Voronoi arc is often too short to turn from it; the heading at the end is
+    free, so an arc through the end alone can do.
+    """
+    steering = 1.0 / problem.robot.max_curvature
+    count = min(len(corners), _FREED)
+    if count == 0:
+        return corners
+    arcs = _largest(problem, road, corners, np.full(len(corners), steering), _rooms(corners, road))
+    shared = _shared(problem, road, corners, arcs, _rooms(corners, road))
+    narrow = np.any(shared < np.minimum(_rooms(corners, road), _reaches(corners, arcs)) - 1e-9, axis=1)
+    bad = ~(arcs.fits & (arcs.radius >= steering * (1.0 - 1e-9))) & ~corners.gentle | narrow
+    near = np.arange(count) if side == 0 else len(corners) - 1 - np.arange(count)
+    if not bad[near[0]]:
+        return corners
+    runs = corners.runs(road)
+    far = np.repeat(near, 2)
+    length = np.full(len(far), road.length)
+    stretch, room = np.zeros((len(far), 2)), np.zeros((len(far), 2))
+    stretch[:, 1 - side] = corners.stretch[far, 1 - side]
+    stretch[:, side] = 0.0 if side == 0 else length
+    room[:, 1 - side] = runs[far + 1 - side]
+    sign = np.where(corners.turn[far] < 0.0, -1.0, 1.0) * np.tile([1.0, -1.0], count)
+    free = np.zeros((len(far), 2), dtype=bool)
+    free[:, side] = True
+    tried = Corners(stretch, sign, free)
+    arcs = _largest(problem, road, tried, np.full(len(far), steering), room)
+    good = np.flatnonzero(arcs.fits & (arcs.radius >= steering * (1.0 - 1e-9)))
+    if len(good) == 0:
+        return corners
+    pick = good[:1]
+    keep = np.ones(len(corners), dtype=bool)
+    keep[near[: pick[0] // 2 + 1]] = False
+    return Corners.join(corners.take(keep), tried.take(pick))
+
+
+def _reaches(corners: Corners, arcs: Fillets) -> Array:
+    """(n, 2) [m], how far before and behind its stretch each arc begins and ends."""
+    return np.column_stack([corners.stretch[:, 0] - arcs.begin, arcs.end - corners.stretch[:, 1]])
+
+
+def _bound(stretch: Array, turn: Array) -> Corners:
+    """Corners with road on both sides."""
+    return Corners(stretch, turn, np.zeros((len(turn), 2), dtype=bool))
 
 
 def _bend(road: Road, corners: Corners, near: Indices, between: Array) -> Array:
