@@ -271,6 +271,7 @@ def test_cut_by_a_wall_elsewhere(tmp_path):
     [
         ([[6, 3], [7, 3.5]], True),  # from a corner to the side opposite
         ([[6, 3], [7 - 2.0**-30, 3.5]], False),
+        ([[6.25, 3.125], [7, 3.5]], False),  # its line meets the corner, the wall does not
         ([[5, 3], [9, 3 + 2.0**-30]], True),  # a hair above the side
         ([[5, 3], [9, 3]], False),  # along the side: nothing is on its right
         ([[6.5, 2], [6.5, 3.5]], True),  # from below to the diagonal

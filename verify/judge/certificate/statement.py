@@ -54,9 +54,9 @@ def statement_of(
         f"{function}, quadratic on each of {kept} triangles. With {dropped} triangles in which "
         f"the robot cannot move they tile the box from {_point(low)} to {_point(high)}, which holds the "
         f"whole floor; this was checked in integers. {_copies(sheets, kept)}At their corners |grad u| is at "
-        f"most a lower bound of 1/V that is affine on each triangle, so |grad u| <= 1/V everywhere on it: all "
-        f"{3 * kept} inequalities hold {arithmetic}, the tightest with a relative slack of {worst:.2g} at "
-        f"{_point(at)}. So u grows by at most one second a second along any motion{clear}, and "
+        f"most a lower bound of 1/V that is affine on each triangle, so |grad u| <= 1/V everywhere on it: "
+        f"all {3 * kept} inequalities hold {arithmetic}, the tightest with a relative slack of {worst:.2g} "
+        f"at {_point(at)}. So u grows by at most one second a second along any motion{clear}, and "
         f"u(goal) - u(start) is {seconds} s, rounded down. Hence: no motion of the variational model from "
         f"{start} to {goal}{clear}, in whatever homotopy class, takes less than {seconds} s."
     )
@@ -70,8 +70,8 @@ def _copies(sheets: Sheets, kept: int) -> str:
     stand = "triangle stands" if count == 1 else "triangles stand"
     return (
         f"{count} {stand} in two sheets, one for each side of a wall that cuts through (twice among the "
-        f"{kept}, once in the tiling), and along walls triangles may part: there alone u jumps, and there no motion gets "
-        f"through that touches nothing. "
+        f"{kept}, once in the tiling), and along walls triangles may part: there alone u jumps, and there "
+        f"no motion gets through that touches nothing. "
     )
 
 
