@@ -120,10 +120,9 @@ def _consistent_rounding(problem: Problem, road: Road) -> tuple[Rounding, Array,
         short = rounding.arcs.radius < radius * (1.0 - CONSISTENT)
         target = smallest_radius(problem, _free_speeds(problem, rounding, short))
         found = rounding.arcs.radius
-        settled = target >= found * (1.0 - CONSISTENT)
-        # too small for what it could be, or larger than it needs to be: both as they fit
-        forced = short | (found > radius * (1.0 + CONSISTENT)) & (target <= found)
-        settled = forced & (settled | ~short) | settled & (target <= found * (1.0 + CONSISTENT))
+        large = found > radius * (1.0 + CONSISTENT)
+        settled = large | (target >= found * (1.0 - CONSISTENT))
+        settled &= short | (target <= found * (1.0 + CONSISTENT))
         settled |= corners.gentle
         if np.all(settled):
             consistent = True

@@ -93,7 +93,9 @@ def corners_of(problem: Problem, road: Road) -> Corners:
     corners = _bound(*road.obstructions(problem.robot.max_curvature))
     steering = 1.0 / problem.robot.max_curvature
     while len(corners) > 1:
-        arcs = _largest(problem, road, corners, np.full(len(corners), steering), _rooms(corners, road))
+        arcs = _largest(
+            problem, road, corners, np.full(len(corners), steering), _rooms(corners, road), rough=True
+        )
         good = arcs.fits & (arcs.radius >= steering) | corners.gentle
         before, behind = _reaches(corners, arcs).T
         need = np.where(corners.gentle | ~arcs.fits, 0.0, behind)[:-1]
@@ -203,8 +205,13 @@ def _shared(problem: Problem, road: Road, corners: Corners, arcs: Fillets, room:
     return out
 
 
-def _largest(problem: Problem, road: Road, corners: Corners, radius: Array, room: Array) -> Fillets:
-    """Arcs of the radii wanted, else of the largest below that fits, else of the least above."""
+def _largest(
+    problem: Problem, road: Road, corners: Corners, radius: Array, room: Array, *, rough: bool = False
+) -> Fillets:
+    """Arcs of the radii wanted, else of the largest below that fits, else of the least above.
+
+    `rough` ones are of the nearest radii tried, which is enough to know on which side of the wanted ones.
+    """
     level = problem.robot.radius + problem.braking.margin
 
     def arcs_of(rows: Indices, size: Array) -> Fillets:
@@ -245,7 +252,7 @@ def _largest(problem: Problem, road: Road, corners: Corners, radius: Array, room
     good = grid[pick]
     inward = np.where(pick[1] < _GRID, pick[1] + 1, np.maximum(pick[1] - 1, 0))
     bad = grid[pick[0], inward]
-    for _ in range(_BISECTIONS):
+    for _ in range(0 if rough else _BISECTIONS):
         middle = np.sqrt(good * bad)
         arcs = arcs_of(rows, middle)
         good, bad = np.where(arcs.fits, middle, good), np.where(arcs.fits, bad, middle)
@@ -263,7 +270,7 @@ def _merged(problem: Problem, road: Road, corners: Corners, near: Indices) -> Co
     turn = corners.turn[near] + corners.turn[near + 1] + _bend(road, corners, near, between)
     pair = _bound(stretch, turn)
     room = np.column_stack([corners.runs(road)[near], corners.runs(road)[near + 2]])
-    arcs = _largest(problem, road, pair, np.full(len(near), steering), room)
+    arcs = _largest(problem, road, pair, np.full(len(near), steering), room, rough=True)
     good = arcs.fits & (arcs.radius >= steering * (1.0 - 1e-9))
     taken = np.zeros(len(corners) + 1, dtype=bool)
     rows = []
@@ -287,7 +294,9 @@ def _freed(problem: Problem, road: Road, corners: Corners, side: int) -> Corners
     count = min(len(corners), _FREED)
     if count == 0:
         return corners
-    arcs = _largest(problem, road, corners, np.full(len(corners), steering), _rooms(corners, road))
+    arcs = _largest(
+        problem, road, corners, np.full(len(corners), steering), _rooms(corners, road), rough=True
+    )
     shared = _shared(problem, road, corners, arcs, _rooms(corners, road))
     narrow = np.any(shared < np.minimum(_rooms(corners, road), _reaches(corners, arcs)) - 1e-9, axis=1)
     bad = ~(arcs.fits & (arcs.radius >= steering * (1.0 - 1e-9))) & ~corners.gentle | narrow
@@ -305,7 +314,7 @@ def _freed(problem: Problem, road: Road, corners: Corners, side: int) -> Corners
     free = np.zeros((len(far), 2), dtype=bool)
     free[:, side] = True
     tried = Corners(stretch, sign, free)
-    arcs = _largest(problem, road, tried, np.full(len(far), steering), room)
+    arcs = _largest(problem, road, tried, np.full(len(far), steering), room, rough=True)
     good = np.flatnonzero(arcs.fits & (arcs.radius >= steering * (1.0 - 1e-9)))
     if len(good) == 0:
         return corners
