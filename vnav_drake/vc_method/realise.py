@@ -105,16 +105,16 @@ def _consistent_rounding(problem: Problem, road: Road) -> tuple[Rounding, Array,
     """Radii r_min(v) of speeds v on the arcs that they make."""
     corners = corners_of(problem, road)
     radius = _first_radius(problem, road, corners)
-    consistent = False
+    consistent, last = False, None
     for _ in range(ROUNDS):
-        rounding = round_corners(problem, road, corners, radius)
+        rounding = last = round_corners(problem, road, corners, radius, last)
         failed = ~rounding.arcs.fits & ~corners.gentle
         if np.any(failed):
             fewer = kinks_only(road, corners, failed)
             if len(fewer) == len(corners) and np.array_equal(fewer.stretch, corners.stretch):
                 at = road.at(corners.stretch[failed, 0], after=False)[0][0]
                 raise PlanningError(f"no arc of any radius rounds the corner at ({at[0]:.3f}, {at[1]:.3f}) m")
-            corners = fewer
+            corners, last = fewer, None
             radius = _first_radius(problem, road, corners)
             continue
         short = rounding.arcs.radius < radius * (1.0 - CONSISTENT)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vnav_drake.biarcs import biarcs
 from vnav_drake.plan import Path
-from vnav_drake.problem import Problem
+from vnav_drake.problem import PlanningError, Problem
 from vnav_drake.vc_method.fillets import Fillets, fillets
 from vnav_drake.vc_method.road import Road
 from vnav_drake.voronoi.paths import route_path
@@ -23,6 +23,7 @@ GENTLE_REACH = 0.02  # [m] of it on either side
 SMALLEST = 1e-4  # [m]: least radius tried
 LARGEST = 4.0  # times the radius wanted: a stretch that must lie within the arc may need a larger one
 _FREED = 3  # corners from an end that one arc may replace
+_SHARINGS = 3  # times that neighbours share again the road between them
 _GRID = 40  # radii tried at once
 _BISECTIONS = 10  # of the ratio between two of them, which leaves 3e-4
 _SHARE = 0.999  # of a run of road that two arcs share, so that a piece of it is left between them
@@ -64,6 +65,15 @@ class Corners:
 
 
 @dataclass(frozen=True)
+class _Step:
+    """The arcs for radii wanted (n,) [m] in rooms (n, 2) [m]."""
+
+    radius: Array
+    room: Array
+    arcs: Fillets
+
+
+@dataclass(frozen=True)
 class Rounding:
     """Corners with the arcs chosen; gentle ones reach `reach` [m] to either side."""
 
@@ -71,6 +81,7 @@ class Rounding:
     corners: Corners
     arcs: Fillets  # (n,), of no meaning for gentle corners
     reach: Array  # (n,) [m], zero unless gentle
+    steps: tuple[_Step, ...]  # how the arcs came about
 
     @property
     def ends(self) -> Array:
@@ -111,23 +122,35 @@ def corners_of(problem: Problem, road: Road) -> Corners:
     return corners
 
 
-def round_corners(problem: Problem, road: Road, corners: Corners, radius: Array) -> Rounding:
+def round_corners(
+    problem: Problem, road: Road, corners: Corners, radius: Array, last: Rounding | None = None
+) -> Rounding:
     """Arcs of the radii wanted (n,) [m], smaller ones where those do not fit, never none.
 
-    A stretch that no arc spans gives way to the kinks in it: a bend too tight stays as it is then.
+    A stretch that no arc spans has `fits` unset: it must give way to the kinks in it (`kinks_only`).
+    `last` is a rounding of the same corners, of which all that is asked for again is kept.
     """
     room = _rooms(corners, road)
-    arcs = _largest(problem, road, corners, radius, room)
-    for _ in range(3):  # neighbours share the road between them
-        tighter = _shared(problem, road, corners, arcs, room)
-        crowded = np.flatnonzero(np.any(tighter < room, axis=1))
-        if len(crowded) == 0:
+    steps: list[_Step] = []
+    for k in range(_SHARINGS + 1):
+        known = last.steps[k] if last is not None and k < len(last.steps) else None
+        before = steps[-1] if steps else None
+        changed = np.ones(len(corners), dtype=bool)
+        arcs = known.arcs if known is not None else (before.arcs if before is not None else None)
+        if known is not None:
+            changed = (known.radius != radius) | np.any(known.room != room, axis=1)
+        elif before is not None:
+            changed = np.any(before.room != room, axis=1)
+        rows = np.flatnonzero(changed)
+        some = _largest(problem, road, corners.take(rows), radius[rows], room[rows])
+        arcs = some if arcs is None else arcs.replaced(rows, some)
+        steps.append(_Step(radius, room, arcs))
+        tighter = _shared(problem, road, corners, arcs, room)  # neighbours share the road between them
+        if np.array_equal(tighter, room):
             break
         room = tighter
-        again = _largest(problem, road, corners.take(crowded), radius[crowded], room[crowded])
-        arcs = arcs.replaced(crowded, again)
     reach = np.where(corners.gentle, np.minimum(GENTLE_REACH, room.min(axis=1) / 3.0), 0.0)
-    return Rounding(road, corners, arcs, reach)
+    return Rounding(road, corners, steps[-1].arcs, reach, tuple(steps))
 
 
 def kinks_only(road: Road, corners: Corners, failed: Mask) -> Corners:
@@ -140,11 +163,20 @@ def kinks_only(road: Road, corners: Corners, failed: Mask) -> Corners:
 
 
 def smooth_path(problem: Problem, rounding: Rounding) -> tuple[Path, Indices]:
-    """The path, and the corner of each of its pieces (-1: on the road)."""
+    """The path, and the corner of each of its pieces (-1: on the road).
+
+    Raises
+    ------
+    PlanningError : neighbouring arcs overlap, which would mean that they were not made to share the road.
+    """
     road, ends = rounding.road, rounding.ends
     parts: list[tuple[Array, Array, Array, Array]] = []
     owner: list[Indices] = []
     marks = np.concatenate([[0.0], ends.reshape(-1), [road.length]])
+    crossed = np.flatnonzero(np.diff(marks) < 0.0)
+    if len(crossed):
+        x, y = road.at(marks[crossed[:1]], after=False)[0][0]
+        raise PlanningError(f"arcs of neighbouring corners overlap near ({x:.3f}, {y:.3f}) m")
     for i in range(len(ends) + 1):
         curves = road.between(float(marks[2 * i]), float(marks[2 * i + 1]))
         if len(curves):
