@@ -59,10 +59,13 @@ def cuts(wall: list[Point], corners: list[Point]) -> bool:
     return all(beside(wall, end) for end in ends)
 
 
-def in_sheets(arrays: Arrays, asked: Question, jumps: np.random.Generator) -> Arrays:
+def in_sheets(
+    arrays: Arrays, asked: Question, jumps: np.random.Generator, apart: frozenset[int] = frozenset()
+) -> Arrays:
     """With a second sheet wherever a wall cuts through; further copies of vertices get values of their own.
 
-    Corners are one vertex where `meetings` wants it, and nowhere else but at the same corner of one triangle.
+    Corners are one vertex where `meetings` wants it, and nowhere else. Copies whose sides are the two of
+    `apart` are not joined with each other.
     """
     table, points = asked.features.table, arrays["vertices"] * arrays["unit"]
     walls = {row: exact(table[row].take([[0, 1], [2, 3]])) for row in walls_of(asked)}
@@ -81,6 +84,8 @@ def in_sheets(arrays: Arrays, asked: Question, jumps: np.random.Generator) -> Ar
         return corner
 
     for one, other in meetings(found, asked):
+        if apart == {found["side"][one[0]], found["side"][other[0]]}:
+            continue
         joined[chief(one)] = chief(other)
     taken: dict[Corner, int] = {}
     first: set[int] = set()

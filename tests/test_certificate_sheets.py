@@ -35,11 +35,11 @@ def asked_with(*walls, more=(), start=(2.2, 3.3), goal=(10.1, 4.4), radius=0.0, 
     )
 
 
-def flat(asked, rise, mesh=MESH):
+def flat(asked, rise, apart=frozenset()):
     """u = 0 in the part of the start, `rise` in others, as far as corners are joined: without any slope."""
     random = np.random.default_rng(0)
-    arrays = case.make(asked, *case.grid(*mesh), lambda p: np.zeros(len(p)), scale=False)
-    arrays = sheets.in_sheets(arrays, asked, random)
+    arrays = case.make(asked, *case.grid(*MESH), lambda p: np.zeros(len(p)), scale=False)
+    arrays = sheets.in_sheets(arrays, asked, random, apart)
     label = np.arange(len(arrays["vertices"]))
     for _ in range(len(label)):
         low = label.copy()
@@ -155,6 +155,55 @@ def test_walls_that_cover_a_side_together_do_not_count_as_one(tmp_path):
     arrays["features"] = asked.features.table
     found = told(arrays, asked, tmp_path)
     assert found == "u may jump, without a wall all along, across the side from (6, 3) to (6, 4) m"
+
+
+@BOTH
+@pytest.mark.parametrize("turned", [(1, 1), (1, -1), (-1, 1), (-1, -1)])
+@pytest.mark.parametrize("shift", [0.0, 0.25, -0.25, 2.0**-40, -(2.0**-40)])
+def test_two_walls_that_end_at_one_side_leave_a_gap_between_them(shift, turned, exact, tmp_path):
+    # Both end at y = 4 m, one from below at x = 6.5 m, one from above. Where they end at the same point
+    # nothing gets through; else there is a gap within the side from (6, 4) to (7, 4).
+    def walls(x):
+        return [[6.5, 0], [6.5, 4]][:: turned[0]], [[x, 4], [x, 8]][:: turned[1]]
+
+    arrays = flat(asked_with(*walls(6.5)), 1000.0)
+    asked = asked_with(*walls(6.5 + shift))
+    arrays["features"] = asked.features.table
+    proof = case.proof(case.sealed(arrays), asked, tmp_path, exact=exact)
+    across = "u may jump, without a wall all along, across the side from (6, 4) to (7, 4) m"
+    other_way = "u may jump, without a wall all along, across the side from (7, 4) to (6, 4) m"
+    assert proof.holds == (shift == 0.0)
+    assert shift == 0.0 or proof.reasons in ((across,), (other_way,))
+    assert proof.travel_time == (1000.0 if shift == 0.0 else 0.0)
+
+
+@pytest.mark.parametrize("turned", [(1, 1), (1, -1), (-1, 1), (-1, -1)])
+def test_a_gap_between_a_wall_that_ends_at_a_vertex_and_one_that_ends_at_a_side(turned, tmp_path):
+    # The first ends at (7, 4), the second at (6.75, 4): of the side from (6, 4) to (7, 4) all but its end is
+    # above the first wall, and what is right of the second is above the first, too.
+    walls = [[0, 0.5], [7, 4]][:: turned[0]], [[6.75, 4], [6.75, 8]][:: turned[1]]
+    asked = asked_with(*walls)
+    joined = flat(asked, 1000.0)
+    proof = case.proof(joined, asked, tmp_path)
+    assert proof.holds, proof.reasons
+    assert proof.travel_time == 0.0
+    torn = flat(asked, 1000.0, frozenset({5 * turned[0], -6 * turned[1]}))
+    assert torn["travel_time"] == 1000.0
+    found = told(torn, asked, tmp_path)
+    assert found.startswith("u may jump, without a wall all along, across the side from (")
+    assert found.endswith(("(6, 4) to (7, 4) m", "(7, 4) to (6, 4) m"))
+
+
+def test_a_start_at_a_vertex_that_has_a_copy_on_the_other_side(tmp_path):
+    # The wall is at x = 6.225 m beside (6, 5): triangles around are cut, and their other copies have another
+    # vertex there, whose value no motion sees.
+    asked = asked_with(THROUGH["oblique"], start=(6, 5))
+    arrays = flat(asked, 1000.0)
+    copies = (arrays["vertices"] * arrays["unit"] == [6, 5]).all(axis=1)
+    assert copies.sum() > 1
+    proof = case.proof(arrays, asked, tmp_path)
+    assert proof.holds, proof.reasons
+    assert proof.travel_time == 1000.0
 
 
 # --- tampering --------------------------------------------------------------------------------------

@@ -144,6 +144,10 @@ def _stronger(c: Arrays) -> None:
     c["law"] = np.array([0.0, 2.0 * (1.0 + 1e-6), 0.0, 0.0, np.inf])  # harder braking: faster, so 1/V is less
 
 
+def _parted(c: Arrays) -> None:
+    c["side"] = np.array([1, 0, 0, 0], dtype=np.int32)
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -157,6 +161,7 @@ def _stronger(c: Arrays) -> None:
         (_wider, "weights, speeds"),
         (_claimed, "the bound"),
         (_stronger, "the inequality"),
+        (_parted, "triangles in two sheets"),
     ],
 )
 def test_the_checker_of_the_page_refuses_what_is_false(
