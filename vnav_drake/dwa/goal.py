@@ -17,6 +17,7 @@ from vnav_drake.speed_profile import fastest_profile
 Array = NDArray[np.float64]
 
 SPEED_JUMP = 1e-12  # [m/s]: the last arc begins with the speed the robot has
+FIRST_LOOK = 65  # samples of the last arc
 NO_CHORD = 1e-9  # [m]: nearer than this the goal is reached
 
 
@@ -63,7 +64,7 @@ def drive_to_goal(
     path = arc_to_goal(start.point, start.heading, problem.goal)
     if path is None or path.length > longest:
         return None
-    if np.abs(path.curvature).max() > problem.robot.max_curvature:
+    if np.abs(path.curvature).max() > problem.robot.max_curvature or not _looks_free(problem, path):
         return None
     try:
         motion = fastest_profile(
@@ -75,6 +76,13 @@ def drive_to_goal(
     if wanted is not None and abs(float(motion.v[0]) - wanted) > SPEED_JUMP:
         return None
     return motion if _steering_follows(problem, motion, curvature, lasting) else None
+
+
+def _looks_free(problem: Problem, path: Path) -> bool:
+    """Whether samples of the path are: a quick no, before its profile is made."""
+    x, y, *_ = path.at(np.linspace(0.0, path.length, FIRST_LOOK))
+    room = problem.clearance(np.column_stack([x, y])) - problem.braking.margin
+    return bool(room.min() > 0.0)
 
 
 def _steering_follows(problem: Problem, motion: Trajectory, curvature: float | None, lasting: float) -> bool:
