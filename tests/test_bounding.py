@@ -22,8 +22,8 @@ from systems import SimulationError
 from verify import bounding, choosing, evidence, pipeline
 from verify.__main__ import main
 from verify.bounding import GATE, aimed_gap, run_lower_bound
-from verify.choosing import SAME_TIME, drive_as_planned, optimum_to_execute
-from verify.judge import judge
+from verify.choosing import drive_as_planned, optimum_to_execute
+from verify.judge import SAME_TIME, judge
 from verify.judge.certificate import read_certificate
 from verify.pipeline import Outcome, run_scenario
 from vnav_drake.plan import Path as Way

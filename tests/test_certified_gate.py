@@ -19,7 +19,7 @@ from verify.judge.bound import JOINTS, judge_bound, tolerated_time
 from verify.judge.certificate import Proof
 from verify.judge.checks import check_motion
 from verify.judge.gates import GATE_NAMES, Gate
-from verify.judge.verdict import _chosen
+from verify.judge.verdict import _chosen, _nothing_to_refine, _sound
 from verify.pipeline import Missing, Outcome
 
 STATEMENT = "Every motion from start to goal takes at least so long."
@@ -145,12 +145,12 @@ def test_what_the_checks_tolerate_is_no_contradiction():
     assert not any(check.blocks for check in checks)
     true = 30.0 / math.sqrt(3.0)
     assert motion.travel_time < true * (1.0 - 2.9e-7)  # faster than any motion that keeps the law
-    assert not judge_bound(proof(true), {"collocation": motion}, checks, here).reasons
+    assert not judge_bound(proof(true), {"collocation": motion}, 0.0, checks, here).reasons
     spared = tolerated_time(motion, {check.name: check for check in checks}, here)
     # the resolution of proven margins is 1e-8 m, JOINTS metres at V(1.5 m) come on top
     highest = (delta + 2e-8) / 1.5 * motion.travel_time + 1.01 * JOINTS / math.sqrt(3.0)
     assert true - motion.travel_time <= spared <= highest
-    beyond = judge_bound(proof(true + spared), {"collocation": motion}, checks, here)
+    beyond = judge_bound(proof(true + spared), {"collocation": motion}, 0.0, checks, here)
     assert beyond.travel_time is None
     assert "collocation takes" in beyond.check.message
 
@@ -170,10 +170,23 @@ def test_a_trajectory_that_fails_its_checks_contradicts_nothing():
     motion = arcs_motion((5.0, 2.0), 0.0, [(30.0, 0.0)], [speed, speed], within=here)
     checks = check_motion(motion, "collocation", "variational", here)
     assert any(check.blocks for check in checks)
-    assert (
-        judge_bound(proof(30.0 / math.sqrt(3.0)), {"collocation": motion}, checks, here).check.status
-        == "passed"
-    )
+    assert _sound({"collocation": motion}, checks) == {}
+
+
+def test_a_full_motion_faster_than_the_bound_and_its_ends_is_a_contradiction():
+    # 30 m from rest to rest at 1 m/s^2, cruising at V = sqrt 3, take 30/sqrt(3) + sqrt(3) s.
+    rest = {"speed": "rest"}
+    here = setting(start={"position": [5.0, 2.0], **rest}, goal={"position": [35.0, 2.0], **rest})
+    top = math.sqrt(3.0) * (1.0 - 1e-6)
+    ramp = 0.5 * top * top
+    pieces = [(ramp, 0.0), (30.0 - 2.0 * ramp, 0.0), (ramp, 0.0)]
+    motion = arcs_motion((5.0, 2.0), 0.0, pieces, [0.0, top, top, 0.0], within=here)
+    checks = check_motion(motion, "refined", "full", here)
+    assert not any(check.blocks for check in checks if check.name not in ("steering", "drive"))
+    lower, sound = 30.0 / math.sqrt(3.0), {"refined": motion}
+    assert not judge_bound(proof(lower), sound, math.sqrt(3.0) - 1e-3, checks, here).reasons
+    (reason,) = judge_bound(proof(lower), sound, math.sqrt(3.0) + 1e-3, checks, here).reasons
+    assert "refined takes" in reason
 
 
 @pytest.mark.parametrize("exact", [False, True])
@@ -315,12 +328,6 @@ def test_a_large_gap_says_nothing_against_ways_asked_for_by_name(folder, monkeyp
     assert ended(judge(folder)) == 1
 
 
-GATE = {
-    passed: Gate(name="certified_gap", limit=0.03, value=value)
-    for passed, value in ((True, 0.0), (False, 1.0))
-}
-
-
 @pytest.mark.parametrize(
     ("same", "certified", "chosen"),
     [
@@ -335,9 +342,31 @@ GATE = {
     ],
 )
 def test_a_motion_that_is_several_plans_at_once_goes_by_its_best_name(same, certified, chosen):
-    plans = dict.fromkeys(("voronoi_route", "speed_graph", "collocation", "refined"))
-    executed = same[0] if same else None
-    assert _chosen(plans, executed, frozenset(same), [GATE[certified]]) == chosen
+    plans = ("voronoi_route", "speed_graph", "collocation", "refined")
+    assert _chosen(plans, same[0] if same else None, same, certified) == chosen
+
+
+@pytest.mark.parametrize(
+    ("times", "sound", "lower", "value", "certified"),
+    [
+        ({"speed_graph": 10.0, "collocation": 10.0}, ("speed_graph", "collocation"), 9.9, 0.0101, True),
+        # the best plan is within the limit, the one that stands for the optimum is not
+        ({"speed_graph": 10.3, "collocation": 10.0}, ("speed_graph", "collocation"), 9.9, 0.0101, False),
+        # within the limit, but another plan is faster by more than rows may differ
+        ({"speed_graph": 10.001, "refined": 10.0}, ("speed_graph", "refined"), 9.9, 0.0101, False),
+        ({"speed_graph": 10.00005, "refined": 10.0}, ("speed_graph", "refined"), 9.9, 0.0101, True),
+        # a plan that breaks its promises is not faster
+        ({"speed_graph": 10.0, "refined": 5.0}, ("speed_graph",), 9.9, 0.0101, True),
+        ({"speed_graph": 10.0}, ("speed_graph",), 9.0, 0.11, False),
+        ({"speed_graph": 10.0}, ("speed_graph",), None, None, False),
+        ({"refined": 10.0}, ("refined",), 9.9, 0.01, False),
+    ],
+)
+def test_nothing_is_left_to_refine_where_the_optimum_itself_is_within_the_gate(
+    times, sound, lower, value, certified
+):
+    gate = Gate(name="certified_gap", limit=0.03, value=value)
+    assert _nothing_to_refine(times, sound, lower, [gate]) is certified
 
 
 def test_every_gate_is_still_told_in_its_order():

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from judged import setting
 
-from verify.judge.compare import compare
+from verify.judge.compare import _same_text, compare
 from verify.judge.ends import end_cost, straight_time
 from verify.judge.finding import Check, Place
 from verify.judge.gates import GATE_NAMES, Gate, Times, gaps, gates
@@ -205,38 +205,34 @@ def judgement() -> Judgement:
 
 TRACKED = check("tracking", 0.1, trajectory="simulation")
 STOPS = Check(name="emergency_stops", trajectory="simulation", status="not_evaluated", message="none")
-WITHIN = Gate(name="certified_gap", limit=0.03, value=0.02)
-BEYOND = Gate(name="certified_gap", limit=0.03, value=0.04)
-UNKNOWN = Gate(name="certified_gap", limit=0.03, reason="none")
 
 
 @pytest.mark.parametrize(
-    ("executed", "plans", "checks", "gate", "verdict"),
+    ("executed", "plans", "checks", "certified", "verdict"),
     [
-        ("refined", ("collocation", "refined"), [], UNKNOWN, "refined"),
-        ("refined", ("collocation", "refined"), [("refined", "drive", "failed")], UNKNOWN, "failed"),
-        ("refined", ("collocation", "refined"), [("collocation", "drive", "failed")], UNKNOWN, "refined"),
-        ("collocation", ("collocation",), [], WITHIN, "certified"),
-        ("collocation", ("collocation",), [], BEYOND, "failed"),
-        ("collocation", ("collocation",), [], UNKNOWN, "failed"),
-        ("collocation", ("collocation",), [("collocation", "start", "failed")], WITHIN, "failed"),
-        ("collocation", ("collocation", "speed_graph"), [], WITHIN, "failed"),
-        ("speed_graph", ("collocation", "speed_graph"), [], WITHIN, "certified"),
-        ("voronoi_route", ("voronoi_route",), [], WITHIN, "failed"),
-        (None, ("voronoi_route",), [], WITHIN, "failed"),
+        ("refined", ("collocation", "refined"), [], False, "refined"),
+        ("refined", ("collocation", "refined"), [("refined", "drive", "failed")], False, "failed"),
+        ("refined", ("collocation", "refined"), [("collocation", "drive", "failed")], False, "refined"),
+        ("collocation", ("collocation",), [], True, "certified"),
+        ("collocation", ("collocation",), [], False, "failed"),
+        ("collocation", ("collocation",), [("collocation", "start", "failed")], True, "failed"),
+        ("collocation", ("collocation", "speed_graph"), [], True, "failed"),
+        ("speed_graph", ("collocation", "speed_graph"), [], True, "certified"),
+        ("voronoi_route", ("voronoi_route",), [], True, "failed"),
+        (None, ("voronoi_route",), [], True, "failed"),
     ],
 )
-def test_the_verdict_rule(executed, plans, checks, gate, verdict):
+def test_the_verdict_rule(executed, plans, checks, certified, verdict):
     # An unpromised violation of the executed plan counts: it must satisfy every limit, ends included.
     entries = [check(n, -1.0, 1.0, trajectory=t, status=s, promised=False) for t, n, s in checks]
-    found, reasons = _verdict(dict.fromkeys(plans), executed, [*entries, TRACKED, STOPS], (gate,))
+    found, reasons = _verdict(plans, executed, [*entries, TRACKED, STOPS], certified)
     assert found == verdict
     assert bool(reasons) == (verdict == "failed")
 
 
 def test_no_verdict_without_tracking():
     silent = Check(name="tracking", trajectory="simulation", status="not_evaluated", message="none")
-    assert _verdict({"refined": None}, "refined", [silent, STOPS], (UNKNOWN,))[0] == "failed"
+    assert _verdict(("refined",), "refined", [silent, STOPS], False)[0] == "failed"
 
 
 def test_a_true_claim_agrees_also_after_rounding_noise():
@@ -299,3 +295,18 @@ def test_a_claim_that_lacks_a_figure_is_refused():
     for key in list(claim):
         lacking = {name: value for name, value in claim.items() if name != key}
         assert any(reason.startswith(key) for reason in compare(lacking, judgement()))
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        ("at least 7.829013 s", "at least 7.829014 s", True),  # one unit of the last digit: rounding
+        ("at least 7.829013 s", "at least 7.834000 s", False),  # within 0.1 %, but no rounding
+        ("slack 1.2e-08 at (1, 2) m", "slack 1.4e-08 at (1, 2) m", True),  # noise
+        ("1657 triangles", "1658 triangles", False),
+        ("0.1 too much", "0.2 too much", False),
+        ("takes 3 s", "took 3 s", False),
+    ],
+)
+def test_sentences_agree_up_to_rounding_of_their_numbers(one, other, same):
+    assert _same_text(one, other) is same

@@ -310,6 +310,45 @@ def test_a_later_failure_keeps_the_best_certificate(monkeypatch):
     assert len(found.rounds) == 4  # three in a row without a better bound
 
 
+@pytest.mark.parametrize("error", [RuntimeError, MemoryError])
+def test_an_error_in_a_later_round_keeps_what_was_proven(monkeypatch, error):
+    true, calls = bound_module.solve, []
+
+    def breaking(elements, start, goal, setting):
+        calls.append(setting)
+        if len(calls) > 1:
+            raise error
+        return true(elements, start, goal, setting)
+
+    monkeypatch.setattr(bound_module, "solve", breaking)
+    found = bound(problem(BOX), budget=9000)
+    assert found.stopped == "fault"
+    assert len(found.rounds) == 1
+    assert found.travel_time == found.rounds[0].lower_bound > 0.0
+    with pytest.raises(error):
+        bound(problem(BOX), budget=9000)  # nothing proven yet
+
+
+def test_where_no_flow_is_known_the_mesh_is_refined_everywhere(monkeypatch):
+    true, calls = bound_module.solve, []
+
+    def late(elements, start, goal, setting):
+        calls.append(len(elements.corners))
+        found = true(elements, start, goal, setting)
+        nothing = np.zeros_like(found.time)
+        if calls[0] == len(elements.corners):
+            return replace(
+                found, values=0.0 * found.values, time=nothing, push=nothing, status="NumericalError"
+            )
+        return found
+
+    monkeypatch.setattr(bound_module, "solve", late)
+    found = bound(problem(BOX), budget=8000)
+    assert found.rounds[0].lower_bound == 0.0
+    assert found.rounds[1].triangles > found.rounds[0].triangles
+    assert found.travel_time > 0.0
+
+
 def test_parts_that_are_not_connected_are_no_path():
     wall = ((3.5, 0.0), (4.5, 0.0), (4.5, 6.0), (3.5, 6.0))
     with pytest.raises(NoPathError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 import traceback
 import webbrowser
@@ -83,6 +84,8 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, progress: Progress
     try:
         from verify.pipeline import run_scenario  # loads Drake: not for bad input
 
+        # Drake tells of each solve that did not succeed; the stages try again, and say what counts.
+        logging.getLogger("drake").setLevel(logging.WARNING)
         outcome = run_scenario(scenario, options.out, overrides=dict(options.gate), say=progress.say)
         _write_index(options.out)
     except (ScenarioError, OutputError) as error:

@@ -8,10 +8,11 @@ from verify.judge.bound import Bound
 from verify.judge.compare import compare, compare_files, gate_overrides
 from verify.judge.finding import Check, Place
 from verify.judge.gates import GATE_NAMES, Gate
-from verify.judge.verdict import Findings, Judgement, decide, exactly, examine, judge
+from verify.judge.verdict import SAME_TIME, Findings, Judgement, decide, exactly, examine, judge
 
 __all__ = [
     "GATE_NAMES",
+    "SAME_TIME",
     "Bound",
     "Check",
     "Findings",

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from verify.evidence import MODEL_OF_PLAN
 from verify.judge.certificate import Proof
 from verify.judge.checks import Setting
 from verify.judge.finding import Check
@@ -82,24 +83,26 @@ class Bound:
 
 
 def judge_bound(
-    proof: Proof, motions: Mapping[str, Motion], checks: Iterable[Check], setting: Setting
+    proof: Proof, sound: Mapping[str, Motion], end_cost: float, checks: Iterable[Check], setting: Setting
 ) -> Bound:
     """Hold a proof against every trajectory whose model's promises are kept.
 
-    Each of them obeys the braking distance, so none may take less than what is proven. One that does,
-    by more than what its own checks tolerate, shows a fault in the certificate, its checker or the checks.
+    Each of them obeys the braking distance, so none may take less than what is proven; one with the ends
+    that were asked for takes `end_cost` [s] more. One that is faster, by more than what its own checks
+    tolerate, shows a fault in the certificate, its checker or the checks.
     """
     found = list(checks)
     beaten = []
-    for name, motion in motions.items() if proof.holds else ():
+    for name, motion in sound.items() if proof.holds else ():
         own = {check.name: check for check in found if check.trajectory == name}
-        if any(check.blocks for check in found if check.trajectory == name):
-            continue
-        longest = motion.travel_time + tolerated_time(motion, own, setting)
-        if longest < proof.travel_time * (1.0 - ROUNDING):
+        least, tolerated = proof.travel_time, tolerated_time(motion, own, setting)
+        if MODEL_OF_PLAN[name] == "full":
+            least += end_cost
+            tolerated += tolerated_by_drive(motion, own, setting)
+        if motion.travel_time + tolerated < least * (1.0 - ROUNDING):
             beaten.append(
                 f"a trajectory is faster than the bound proves possible: {name} takes "
-                f"{motion.travel_time:.9f} s, the proven least is {proof.travel_time:.9f} s"
+                f"{motion.travel_time:.9f} s, the proven least is {least:.9f} s"
             )
     return Bound(proof=proof, beaten=tuple(beaten))
 
@@ -123,3 +126,14 @@ def tolerated_time(motion: Motion, checks: Mapping[str, Check], setting: Setting
     factor = (1.0 + short / clear) * (1.0 + (checks["speed"].violation or 0.0))
     across = miss / setting.limits.safe_speed(setting.limits.margin + clear - miss)
     return (factor - 1.0) * motion.travel_time + across * factor
+
+
+def tolerated_by_drive(motion: Motion, checks: Mapping[str, Check], setting: Setting) -> float:
+    """Time [s] that a motion of the full model may have gained by end speeds and a drive beyond its limits.
+
+    An end speed off by e takes e/a to make good; limits exceeded by a factor 1 + x shorten no motion by
+    more than that factor.
+    """
+    miss = sum(abs(checks[name].worst or 0.0) for name in ("start", "goal"))
+    weakest = min(setting.limits.acceleration, setting.limits.braking)
+    return miss / weakest + (checks["drive"].violation or 0.0) * motion.travel_time

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator, Mapping
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ from verify.judge.verdict import Judgement
 
 RELATIVE = 1e-9  # between two machines' arithmetic; far below any digit anyone reads
 ABSOLUTE = 1e-8  # [any unit]: margins are proven to 1e-8 m, and differences near zero are rounding
-TEXT_RELATIVE, TEXT_ABSOLUTE = 1e-3, 2e-6  # numbers within messages are rounded
+# Numbers within messages are rounded: by one unit of the last digit told, if that is little of the number.
+TEXT_RELATIVE, TEXT_ABSOLUTE = 1e-3, 2e-6
 LISTED = 20  # differences shown
 
 # Keys that state a judgement wherever they stand: absent from ours, they must be absent from a claim.
@@ -144,11 +146,17 @@ def _agree(where: str, expected: Any, claimed: Any) -> bool:
 
 
 def _same_text(one: str, other: str) -> bool:
-    """The same words, and numbers that differ by no more than their rounding."""
+    """The same words and whole numbers, and other numbers that differ by no more than their rounding."""
     if _NUMBER.sub("#", one) != _NUMBER.sub("#", other):
         return False
     pairs = zip(_NUMBER.findall(one), _NUMBER.findall(other), strict=True)
-    return all(abs(float(a) - float(b)) <= TEXT_RELATIVE * abs(float(a)) + TEXT_ABSOLUTE for a, b in pairs)
+    return all(a == b or _same_number(Decimal(a), Decimal(b)) for a, b in pairs)
+
+
+def _same_number(one: Decimal, other: Decimal) -> bool:
+    unit = max(float(Decimal(1).scaleb(int(n.as_tuple().exponent))) for n in (one, other))
+    allowed = max(min(1.01 * unit, TEXT_RELATIVE * abs(float(one))), TEXT_ABSOLUTE)
+    return unit < 1.0 and abs(float(one - other)) <= allowed
 
 
 def _show(value: Any) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -24,6 +24,9 @@ from verify.judge.tracking import judge_run, record_from_columns
 Verdict = Literal["certified", "refined", "failed"]
 
 RECORD_COLUMNS = ("t", "x", "y", "heading", "v", "lateral_acceleration")
+# Relative. Rows of both are slowed by 1e-6 and by what proves their clearance between samples, up to 1e-5
+# in all: a motion that is faster by less than that is not faster.
+SAME_TIME = 1e-5
 # Checks whose stage this version does not have: they are never passed, and hold back no verdict.
 ABSENT_STAGES = frozenset({"emergency_stops"})
 
@@ -168,8 +171,10 @@ def _with_proof(findings: Findings, proof: Proof | None) -> Findings:
     """The gaps, and the check of the certificate, that go with a proof."""
     setting, motions = findings.question.setting, findings.motions
     checks = tuple(check for check in findings.checks if check.trajectory != LOWER_BOUND)
-    bound = None if proof is None else judge_bound(proof, motions, checks, setting)
-    cost, gap = _gaps(setting, motions, checks, None if bound is None else bound.travel_time)
+    sound = _sound(motions, checks)
+    cost = _end_cost(setting, sound)
+    bound = None if proof is None else judge_bound(proof, sound, cost, checks, setting)
+    gap = _gaps(motions, sound, cost, None if bound is None else bound.travel_time)
     if bound is not None:
         checks = (*checks, bound.check)
     return replace(findings, checks=checks, gaps=gap, end_cost=cost, bound=bound)
@@ -180,8 +185,11 @@ def decide(findings: Findings, overrides: Mapping[str, float]) -> Judgement:
     asked, checks = findings.question, findings.checks
     gap, no_bound = _gaps_to_limit(findings, overrides)
     gate = gates(asked.gates, asked.named_gates, overrides, gap, checks, findings.executed, no_bound=no_bound)
-    executed = _chosen(findings.motions, findings.executed, findings.same, gate)
-    verdict, reasons = _verdict(findings.motions, executed, checks, gate)
+    lower = None if findings.bound is None else findings.bound.travel_time
+    times = {name: motion.travel_time for name, motion in findings.motions.items()}
+    certified = _nothing_to_refine(times, _sound(findings.motions, checks), lower, gate)
+    executed = _chosen(times, findings.executed, findings.same, certified)
+    verdict, reasons = _verdict(times, executed, checks, certified)
     return Judgement(
         scenario=asked.name,
         scenario_sha256=asked.sha256,
@@ -273,40 +281,41 @@ def _not_evaluated(name: str, message: str) -> Check:
     return Check(name=name, trajectory="simulation", status="not_evaluated", message=message)
 
 
+def _sound(motions: Mapping[str, Motion], checks: Sequence[Check]) -> dict[str, Motion]:
+    """The motions that keep what their model promises."""
+    broken = {check.trajectory for check in checks if check.blocks}
+    return {name: motion for name, motion in motions.items() if name not in broken}
+
+
 def _gaps(
-    setting: Setting, motions: Mapping[str, Motion], checks: Sequence[Check], lower_bound: float | None
-) -> tuple[float, dict[str, float]]:
-    """The extra time of the ends, and the gaps that can be formed."""
+    motions: Mapping[str, Motion], sound: Mapping[str, Motion], cost: float, lower_bound: float | None
+) -> dict[str, float]:
+    """The gaps that can be formed."""
     time = {name: motion.travel_time for name, motion in motions.items()}
-    cost = _end_cost(setting, time.get("speed_graph", time.get("collocation")))
-    sound = [
-        name
-        for name in motions
-        if MODEL_OF_PLAN[name] == "variational"
-        and not any(check.trajectory == name and check.blocks for check in checks)
-    ]
+    variational = [time[name] for name in sound if MODEL_OF_PLAN[name] == "variational"]
     times = Times(
         speed_graph=time.get("speed_graph"),
         collocation=time.get("collocation"),
         refined=time.get("refined"),
-        best_variational=min((time[name] for name in sound), default=None),
+        best_variational=min(variational, default=None),
         lower_bound=lower_bound,
         end_cost=cost,
     )
-    return cost, gaps(times)
+    return gaps(times)
 
 
-def _end_cost(setting: Setting, variational: float | None) -> float:
+def _end_cost(setting: Setting, sound: Mapping[str, Motion]) -> float:
     """E: the better of two proven bounds, by cutting off the ends and by the straight way.
 
     No motion is faster than the straight way with nothing in it, T_s, and the variational optimum T* is no
-    more than the time found for it, so T >= T* + (T_s - T_variational).
+    more than the time of a sound motion, so T >= T* + (T_s - T_variational).
     """
     where = (setting.limits, setting.surroundings, setting.start, setting.goal)
     cost = end_cost(*where)
-    if variational is None or setting.start.speed == setting.goal.speed == "safe":
+    optimum = sound.get("speed_graph", sound.get("collocation"))
+    if optimum is None or setting.start.speed == setting.goal.speed == "safe":
         return cost
-    return max(cost, straight_time(*where) - variational)
+    return max(cost, straight_time(*where) - optimum.travel_time)
 
 
 def _plan(name: str, motion: Motion, checks: tuple[Check, ...]) -> dict[str, Any]:
@@ -328,12 +337,12 @@ def _plan(name: str, motion: Motion, checks: tuple[Check, ...]) -> dict[str, Any
 
 
 def _verdict(
-    motions: Mapping[str, Motion], executed: str | None, checks: Sequence[Check], gate: tuple[Gate, ...]
+    plans: Collection[str], executed: str | None, checks: Sequence[Check], certified: bool
 ) -> tuple[Verdict, tuple[str, ...]]:
     """`certified`, `refined` or `failed`, and what stands against it.
 
     certified: the variational optimum (speed graph, else collocation) satisfies every limit of the
-    full robot, ends included, is the one to execute, and its certified gap is within the gate.
+    full robot, ends included, is the one to execute, and is `_nothing_to_refine`.
     refined: the one to execute is the collocation of the full model. Both need all checks of the
     executed trajectory and of its simulation passed; a check whose stage this version does not have
     is not counted. failed: no trajectory passed all checks.
@@ -347,9 +356,11 @@ def _verdict(
         and check.status != "passed"
         and check.name not in ABSENT_STAGES
     ]
-    optimum = _optimum(motions)
-    if executed == optimum and not _gap_certified(gate):
-        reasons.append(f"{executed}: the certified gap is not shown to be within its gate")
+    optimum = _optimum(plans)
+    if executed == optimum and not certified:
+        reasons.append(
+            f"{executed}: its own certified gap is not shown to be within the gate, or another plan is faster"
+        )
     if executed not in (optimum, "refined"):
         reasons.append(f"{executed} is neither the variational optimum nor the full model's collocation")
     if reasons:
@@ -357,22 +368,34 @@ def _verdict(
     return ("refined" if executed == "refined" else "certified"), ()
 
 
-def _optimum(motions: Mapping[str, Motion]) -> str:
+def _optimum(plans: Collection[str]) -> str:
     """The plan that stands for the variational optimum."""
-    return "speed_graph" if "speed_graph" in motions else "collocation"
+    return "speed_graph" if "speed_graph" in plans else "collocation"
 
 
-def _gap_certified(gate: Sequence[Gate]) -> bool:
-    return next(g for g in gate if g.name == "certified_gap").passed is True
+def _nothing_to_refine(
+    times: Mapping[str, float], sound: Collection[str], lower_bound: float | None, gate: Sequence[Gate]
+) -> bool:
+    """Whether the plan that stands for the variational optimum is certified to be one.
+
+    The gate holds the best of the travel `times` [s] against the bound; here the plan's own must be within
+    the same limit, and no `sound` plan may be faster.
+    """
+    limit = next(g for g in gate if g.name == "certified_gap")
+    own = times.get(_optimum(times))
+    if limit.passed is not True or lower_bound is None or own is None:
+        return False
+    fastest = min((times[name] for name in sound), default=own)
+    return own / lower_bound - 1.0 <= limit.limit and own <= fastest * (1.0 + SAME_TIME)
 
 
 def _chosen(
-    motions: Mapping[str, Motion], executed: str | None, same: frozenset[str], gate: Sequence[Gate]
+    plans: Collection[str], executed: str | None, same: Collection[str], certified: bool
 ) -> str | None:
     """The plan executed, by its best name: a motion that is several plans at once is the optimum where
     that is certified, else the first in the order of `_executed`."""
-    optimum = _optimum(motions)
+    optimum = _optimum(plans)
     others = tuple(name for name in ("refined", optimum) if name in same)
     if not others:
         return executed
-    return optimum if optimum in same and _gap_certified(gate) else others[0]
+    return optimum if optimum in same and certified else others[0]

@@ -15,13 +15,13 @@ from vnav_drake.lower_bound.certificate import Certificate
 from vnav_drake.lower_bound.cover import Cover, Ground
 from vnav_drake.lower_bound.program import Setting, Solution, solve
 from vnav_drake.lower_bound.refinement import first_cover, losses, worst
-from vnav_drake.problem import PlanningError, Problem
+from vnav_drake.problem import NoPathError, PlanningError, Problem
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 Effort = Literal["quick", "full"]
-Stop = Literal["gap", "budget", "time", "precision"]
+Stop = Literal["gap", "budget", "time", "precision", "fault"]
 BUDGET = {"quick": 25_000, "full": 150_000}  # triangles of all programs together
 GROWTH = 1.35  # of the number of triangles from round to round
 PRECISION = 0.003  # the solver's tolerance as a share of the gap that is expected
@@ -83,9 +83,18 @@ def lower_bound(
     rounds: list[Round] = []
     spent = stalled = 0
     while True:
-        assembly = assemble(cover)
-        solution = _solution(assembly, _expected(cover, best, upper))
-        certificate = certified(problem, assembly, solution)
+        try:
+            assembly = assemble(cover)
+            solution = _solution(assembly, _expected(cover, best, upper))
+            certificate = certified(problem, assembly, solution)
+        except NoPathError:
+            raise
+        except (MemoryError, RuntimeError, PlanningError):  # RuntimeError: what Drake's solvers raise
+            if best is None:
+                raise
+            return LowerBound(
+                certificate=best, travel_time=best.travel_time, rounds=tuple(rounds), stopped="fault"
+            )  # what was proven before stays proven
         triangles = len(assembly.copies)
         spent += triangles
         rounds.append(
@@ -108,10 +117,15 @@ def lower_bound(
             break
         if certificate.travel_time > 0.0:  # else the flow known before must do
             cover = _with_flow(assembly, solution)
-        cover = cover.grown(worst, int(GROWTH * len(cover.kept)) + 1)
+        marks = worst if cover.time.any() else _everywhere
+        cover = cover.grown(marks, int(GROWTH * len(cover.kept)) + 1)
     if not best.travel_time > 0.0:
         raise PlanningError("no lower bound was found: " + ", ".join({r.status for r in rounds}))
     return LowerBound(certificate=best, travel_time=best.travel_time, rounds=tuple(rounds), stopped=stop)
+
+
+def _everywhere(cover: Cover) -> Mask:
+    return np.ones(len(cover.time), dtype=bool)
 
 
 def _stop(lower: float, upper: float | None, gap: float, spent: bool, stalled: int) -> Stop | None:

@@ -19,8 +19,6 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-CHUNK = 1_000_000  # pairs of points and features measured at once
-
 
 @dataclass(frozen=True, eq=False)
 class Features:
@@ -55,11 +53,6 @@ class Features:
     def nearest(self, points: Array) -> Indices:
         """Row of the nearest feature of points (n, 2) [m]; (n,). Discs are seen as polygons here."""
         return np.asarray(self._tree.query_nearest(shapely.points(points), all_matches=False)[1])
-
-    def near(self, points: Array, reach: Array) -> tuple[Indices, Indices]:
-        """All pairs of a point (n, 2) [m] and a feature within its reach (n,) [m]."""
-        pairs = self._tree.query(shapely.points(points), predicate="dwithin", distance=reach)
-        return pairs[0], pairs[1]
 
     def distance(self, points: Array, which: Indices) -> Array:
         """Distance [m] of points (..., 2) [m] to feature `which` (...), negative within a disc; (...)."""

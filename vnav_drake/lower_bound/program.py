@@ -131,7 +131,7 @@ def solve(elements: Elements, start: Functional, goal: Functional, setting: Sett
     multiplier = np.array([result.GetDualSolution(cone)[0] for cone in cones]).reshape(-1, 3)
     weight = np.ones(count)
     if len(mixed):
-        weight[mixed] = np.round(np.clip(result.GetSolution(alpha), 0.0, 1.0) / WEIGHT_GRID) * WEIGHT_GRID
+        weight[mixed] = _on_grid(result.GetSolution(alpha))
     push = np.maximum(np.nan_to_num(multiplier), 0.0)
     time = push * (elements.bounds(weight) / typical[:, None])
     total = float(time.sum())
@@ -142,3 +142,8 @@ def solve(elements: Elements, start: Functional, goal: Functional, setting: Sett
         push=push,
         status=str(result.get_solver_details().status),
     )
+
+
+def _on_grid(weight: Array) -> Array:
+    """Weights as multiples of `WEIGHT_GRID` from 0 to 1; what is not a number is 0."""
+    return np.asarray(np.round(np.clip(np.nan_to_num(weight), 0.0, 1.0) / WEIGHT_GRID) * WEIGHT_GRID)
