@@ -2,34 +2,49 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
+from decimal import Decimal
 
+from verify.digits import as_given, beside, digits_beside, rounded, tells_side
 from verify.judge import Gate, Judgement
 
 
 def headline(judgement: Judgement) -> str:
-    """Verdict, travel times, gap, and limits given on the command line, in one line."""
+    """Verdict, times (that of the executed plan first), gaps, limits given on the command line: one line."""
     parts = [f"{judgement.scenario}: {judgement.verdict}"]
-    names = ("refined", "speed_graph", "collocation", "voronoi_route")
+    plans = ("refined", "speed_graph", "collocation", "voronoi_route")
+    names = sorted(plans, key=lambda name: name != judgement.executed)
     times = [(name, judgement.plans[name]["travel_time"]) for name in names if name in judgement.plans]
     parts += [f"{name} {time:.3f} s" for name, time in times]
     if judgement.bound is not None and judgement.bound.travel_time is not None:
-        parts.append(f"lower bound {math.floor(1e3 * judgement.bound.travel_time) / 1e3:.3f} s")
+        parts.append(f"lower bound {rounded(judgement.bound.travel_time, 3)} s")
     named = (("analytic", "analytic gap"), ("refinement", "gap"), ("certified", "certified gap"))
     for name, words in named:
         if name in judgement.gaps:
-            parts.append(f"{words} {round(100.0 * judgement.gaps[name], 3) + 0.0:.3f} %")
+            parts.append(f"{words} {_percent(judgement, name)} %")
     given = limits_given(judgement)
     if given:
         parts.append(f"(gates overridden on the command line: {given})")
     return "  ".join(parts)
 
 
+def _percent(judgement: Judgement, name: str) -> str:
+    """A gap with three decimals, or with as many digits as show on which side of its gate's limit it is."""
+    gap = judgement.gaps[name]
+    usual = f"{round(100.0 * gap, 3) + 0.0:.3f}"
+    gate = next((gate for gate in judgement.gates if gate.name == f"{name}_gap"), None)
+    if gate is None or gate.value is None:
+        return usual
+    shown = Decimal(usual) / 100  # of the analytic gap the gate takes the size
+    if tells_side(abs(shown) if gate.value >= 0.0 else shown, gate.value, gate.limit):
+        return usual
+    return f"{100.0 * gap:.{digits_beside(gate.value, gate.limit, 2)}g}"
+
+
 def limits_given(judgement: Judgement, *, but: Collection[str] = ()) -> str:
     """Limits that took precedence over the scenario's, other than those named; empty when none did."""
     return ", ".join(
-        f"{gate.name} {gate.limit:.6g} instead of {gate.scenario_limit:.6g}"
+        f"{gate.name} {as_given(gate.limit)} instead of {as_given(gate.scenario_limit)}"
         for gate in judgement.gates
         if gate.scenario_limit is not None and gate.name not in but
     )
@@ -50,7 +65,8 @@ def gate_line(gate: Gate) -> str:
     if gate.value is None:
         return f"gate {gate.name}: {gate.reason}{given}"
     word = "holds" if gate.passed else "fails"
-    return f"gate {gate.name}: {word}, value {gate.value:.6g}, limit {gate.limit:.6g}{given}"
+    value = beside(gate.value, gate.limit, 6)
+    return f"gate {gate.name}: {word}, value {value}, limit {as_given(gate.limit)}{given}"
 
 
 def details(judgement: Judgement) -> list[str]:
