@@ -35,6 +35,7 @@ def statement_of(
         return f"The certificate is refused: it proves nothing about motions from {start} to {goal}."
     limits, features = question.setting.limits, question.features
     fastest = f"v_max = {limits.speed:g} m/s" if math.isfinite(limits.speed) else "no other speed limit"
+    robot = f"a disc of radius {limits.radius:g} m" if limits.radius > 0.0 else "a point robot"
     kept, dropped = len(file.triangles), len(file.dropped)
     low, high = file.metres(file.box.reshape(2, 2)).tolist()
     seconds = _down(max(proven, Fraction(0)))
@@ -47,12 +48,12 @@ def statement_of(
     clear = " that touches nothing on its way" if sheets.used else ""
     function = "function u, continuous off the walls" if sheets.used else "continuous function u"
     return (
-        f"Asked: how fast a disc of radius {limits.radius:g} m can get from {start} to {goal} among the "
-        f"scenario's {len(features.names)} obstacles ({sides}) if it can stop within its clearance at every "
+        f"Asked: how fast {robot} can get from {start} to {goal} among the scenario's "
+        f"{_counted(len(features.names), 'obstacle')} ({sides}) if it can stop within its clearance at every "
         f"instant: V is the greatest such speed (a_b = {limits.braking:g} m/s^2, reaction time "
         f"{limits.reaction_time:g} s, margin {limits.margin:g} m, {fastest}). The certificate holds a "
-        f"{function}, quadratic on each of {kept} triangles. With {dropped} triangles in which "
-        f"the robot cannot move they tile the box from {_point(low)} to {_point(high)}, which holds the "
+        f"{function}, quadratic on each of {_counted(kept, 'triangle')}. With "
+        f"{_counted(dropped, 'triangle')} in which the robot cannot move they tile the box from {_point(low)} to {_point(high)}, which holds the "
         f"whole floor; this was checked in integers. {_copies(sheets, kept)}At their corners |grad u| is at "
         f"most a lower bound of 1/V that is affine on each triangle, so |grad u| <= 1/V everywhere on it: "
         f"all {3 * kept} inequalities hold {arithmetic}, the tightest with a relative slack of {worst:.2g} "
@@ -73,6 +74,10 @@ def _copies(sheets: Sheets, kept: int) -> str:
         f"{kept}, once in the tiling), and along walls triangles may part: there alone u jumps, and there "
         f"no motion gets through that touches nothing. "
     )
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _point(position: tuple[float, float] | list[float]) -> str:
