@@ -175,8 +175,8 @@ def test_tables_have_captions_and_headers_with_scope(case):
 
 def test_sections_come_in_the_order_in_which_a_reader_asks(case):
     ids = [a["id"] for tag, a in Page(case[3]).elements if tag == "h2"]
-    assert ids == ["answer", "key-figures", "times", "map", "bound", "speed", "acceleration", "margins", "mesh",
-                   "simulation", "gates", "checks", "not-evaluated", "inputs"]  # fmt: skip
+    assert ids == ["answer", "key-figures", "times", "map", "bound", "speed", "acceleration", "margins",
+                   "mesh", "simulation", "gates", "checks", "not-evaluated", "inputs"]  # fmt: skip
 
 
 def test_the_answer_repeats_the_figures_of_the_result(case):

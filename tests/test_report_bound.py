@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import shutil
+from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -21,17 +22,19 @@ from test_report_classes import _lightness
 
 from verify.judge.question import read_question
 from verify.report import ReportExtras, write_index, write_report
+from verify.report.answer import answer
 from verify.report.bound import BoundMesh, bernstein, long_sides, read_bound
 from verify.report.figures_bound import Closing, draw_closing
-from verify.report.figures_potential import MOST_BANDS, Way, draw_potential, isochrone_step
+from verify.report.figures_potential import MOST_BANDS, Way, draw_potential, draw_slack, isochrone_step
 from verify.report.figures_time import BracketData, BracketRow, draw_bracket
-from verify.report.numbers import seconds_proven
+from verify.report.numbers import bracket, percent_beside, seconds_proven
 from verify.report.palette import BANDS, SLACKS, variable_of_colour
-from verify.report.story import time_rows
-from verify.report.story_bound import bound_story, bracket, bracket_sentence, closing, full_sentence, upper
+from verify.report.story import gate_rows, time_rows
+from verify.report.story_bound import bound_story, bracket_sentence, closing, full_sentence, upper
 from vnav_drake.plan import Trajectory
 
 FILE = "certificate.npz"
+LOWERED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 START, GOAL = np.array([28.5, 1.9]), np.array([2.0, 22.0])  # of the warehouse
 
 
@@ -233,7 +236,7 @@ def test_the_best_time_is_that_of_the_certified_gap(case):
 @pytest.mark.parametrize(
     ("low", "high", "words"),
     [
-        (25.44049, 25.44161, ("25.4404", "25.4417")),  # 1.1 ms apart: four decimals tell them apart
+        (25.44049, 25.44161, ("25.4404", "25.4416")),  # 1.1 ms apart: four decimals tell them apart
         (3.19566951, 3.19566962, ("3.19566951", "3.19566962")),  # 0.11 us: eight
         (20.0, 26.0, ("20.000", "26.000")),
     ],
@@ -246,8 +249,101 @@ def test_a_bracket_has_the_decimals_that_tell_its_ends_apart(low, high, words):
 def test_a_bracket_never_promises_more_than_is_proven(low, gap):
     high = low * (1.0 + gap)
     shown = [Decimal(word.removesuffix("\u00a0s")) for word in bracket(low, high)]
+    step = Decimal(1).scaleb(shown[1].as_tuple().exponent)
     assert shown[0] <= Decimal(low)
-    assert shown[1] >= Decimal(high)
+    assert shown[0] < shown[1] or low == high
+    assert abs(shown[1] - Decimal(high)) <= step  # half of it, but where that would close the bracket
+
+
+def test_one_motion_has_one_time_in_a_paragraph():
+    # Both sentences round 8.13449 s to nearest, whatever the bound below it.
+    result = {
+        "executed": "refined", "plans": {"refined": {"travel_time": 8.13449}}, "verdict": "refined",
+        "lower_bound": {"travel_time": 7.9}, "gaps": {"certified_full": 8.13449 / 7.9 - 1.0},
+    }  # fmt: skip
+    assert "its motion takes 8.134\u00a0s: gap" in full_sentence(result)
+    assert "gets there in 8.134\u00a0s" in answer(result, rest_ends=False)[0]
+
+
+def test_the_full_bracket_is_told_of_the_motion_that_is_executed():
+    result = {
+        "executed": "speed_graph", "lower_bound": {"travel_time": 10.0}, "gaps": {"certified_full": 0.07},
+        "plans": {"speed_graph": {"travel_time": 10.5}, "refined": {"travel_time": 10.7}},
+    }  # fmt: skip
+    words = full_sentence(result).replace("\u00a0", " ")
+    assert "the motion to execute, that of the speed graph, takes 10.500 s." in words
+    assert words.endswith("7.00 %, is that of the refined motion, which takes 10.700 s.")
+    assert "its motion takes 10.700 s: gap 7.00 %." in full_sentence(
+        {**result, "executed": "refined"}
+    ).replace("\u00a0", " ")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "limit", "shown", "wanted"),
+    [
+        ("certified_gap", 4.7e-6, 1e-7, "4.7 × 10⁻⁴ %", "≤ 10⁻⁵ %"),
+        ("certified_gap", 4.7e-6, 0.03, "< 0.001 %", "≤ 3 %"),  # below the limit either way
+        ("certified_gap", 0.030001, 0.03, "3.0001 %", "≤ 3 %"),
+        ("refinement_gap", -4.7e-6, 0.05, "> −0.001 %", "≤ 5 %"),
+        ("analytic_gap", 0.01, 0.01, "1.00 %", "≤ 1 %"),
+        ("constraint_violation", 1.004e-6, 1e-6, "1.004 × 10⁻⁶", "≤ 10⁻⁶"),
+        ("braking_margin", 0.0499999, 0.05, "49.9999 mm", "≥ 0.05 m"),
+        ("braking_margin", -1e-12, 0.0, "> −1 nm", "≥ 0 m"),
+        ("braking_margin", 0.0, 0.0, "0 m", "≥ 0 m"),
+    ],
+)
+def test_a_gate_shows_on_which_side_of_its_limit_it_is(name, value, limit, shown, wanted):
+    gate = {"name": name, "value": value, "limit": limit, "passed": None}
+    row = gate_rows({"gates": [gate]})[0]
+    assert (row.value.replace("\u00a0", " "), row.limit.replace("\u00a0", " ")) == (shown, wanted)
+
+
+@given(st.floats(1e-12, 10.0), st.floats(-1e-3, 1e-3) | st.sampled_from([0.0, 2e-16, -2e-16]))
+def test_percentages_are_never_on_the_other_side_of_a_limit(limit, off):
+    ratio = limit * (1.0 + off)
+    text = percent_beside(ratio, limit).replace("\u00a0", "").replace("−", "-").removesuffix("%")
+    if text.startswith("<"):
+        assert ratio < 1e-5 <= limit
+        return
+    number, _, power = text.partition("×10")
+    shown = Decimal(number).scaleb(int(power.translate(LOWERED) or 0)) / 100
+    bound = Decimal(repr(limit))
+    assert (shown > bound, shown < bound) == (ratio > limit, ratio < limit)
+
+
+def test_gap_and_bound_show_their_side_wherever_they_stand(tmp_path):
+    result = {
+        "verdict": "refined", "lower_bound": {"travel_time": 10.0, "rounds": [{"lower_bound": 9.9999999}]},
+        "plans": {"collocation": {"travel_time": 10.000047}}, "gaps": {"certified": 4.7e-6},
+        "gates": [{"name": "certified_gap", "value": 4.7e-6, "limit": 1e-7, "passed": False}],
+    }  # fmt: skip
+    assert bracket_sentence(result).endswith("gap 4.7\u00a0×\u00a010⁻⁴\u00a0%.")
+    write_index(tmp_path / "index.html", [("a", result)])
+    assert "4.7 × 10⁻⁴ %" in said((tmp_path / "index.html").read_text())
+    assert bound_story(result).rounds[0][1] == "9.999999\u00a0s"  # seven nines, rounded down
+
+
+@pytest.mark.parametrize(("gap", "near"), [(0.004, True), (0.01, True), (0.2, False), (None, False)])
+def test_captions_claim_no_more_than_the_gap_allows(mesh, gap, near):
+    whole = motion(warehouse(), corner_path(2.4), share=1.0, ends=None)
+    way = Way(method="collocation", motion=whole, gap=gap)
+    caption = draw_potential(warehouse().problem, mesh, way).caption
+    assert ("right angles" in caption) is near
+    assert ("The best path known takes 20.0\u00a0% longer" in caption) is (gap == 0.2)
+    slack = draw_slack(warehouse().problem, mesh, way)[0].caption
+    assert ("the fastest ways do not pass there" in slack) is near
+
+
+def test_a_single_round_closes_nothing():
+    one = Closing(triangles=np.array([1500.0]), seconds=np.array([0.4]), lower=np.array([6.215857]),
+                  upper=6.215887, upper_method="collocation")  # fmt: skip
+    picture = draw_closing(one)
+    assert picture.heading == "The bracket after the only round"
+    assert "6.215887\u00a0s" in picture.description  # 30 us apart: six decimals
+    worse = replace(
+        one, triangles=np.array([9.0, 99.0]), seconds=np.array([1.0, 2.0]), lower=np.array([2.0, 1.0])
+    )
+    assert draw_closing(worse).heading == "The bracket, round by round"
 
 
 def test_a_worse_round_does_not_open_the_bracket_again(case):

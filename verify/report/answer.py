@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from verify.report.numbers import fine_percent, metres, number_in, percent, seconds, with_unit
+from verify.report.numbers import fine_percent, metres, number_in, percent, seconds, seconds_proven, with_unit
 from verify.report.palette import method
 from verify.report.story import NOT_PROMISED, OPTIMA, Result, check_rows, executed_plan, travel_times, verdict
 from verify.report.story_bound import bracket_sentence, full_sentence
@@ -34,7 +34,7 @@ def answer(result: Result, *, rest_ends: bool, through: Sequence[str] = ()) -> l
     cost, gap = number_in(result, "end_cost"), number_in(result, "gaps", "refinement")
     if cost is not None and cost > 0.0 and gap is not None:
         sentences.append(
-            f"Starting and ending as asked costs at least {seconds(cost)}; "
+            f"Starting and ending as asked costs at least {seconds_proven(cost)}; "
             f"the motion is {_compared(gap, 'above', 'below')} the optimum with that cost added."
         )
     sentences += filter(None, [bracket_sentence(result), full_sentence(result)])

@@ -29,11 +29,17 @@ MOST_PIECES = 120_000  # small triangles on which the potential is drawn as line
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoundMesh:
-    """The kept triangles of a certificate that holds, and a potential that is quadratic on each of them."""
+    """The kept triangles of a certificate that holds, and a potential that is quadratic on each of them.
+
+    A triangle that a wall cuts through may stand twice, once for its part on each side.
+    """
 
     points: Array  # (n, 2) [m]
     lattice: Indices  # (n, 2), the same points as integers
     triangles: Indices  # (t, 3), anticlockwise
+    edges: Indices  # (t, 3), sides 01 12 20 as rows of the certificate's edges
+    side: Indices  # (t,) 0: whole; f + 1, -(f + 1): only the part left, right of the line of wall f
+    walls: Array  # (f, 4) [m], ends a and b of each feature
     controls: Array  # (t, 6) [s]: Bernstein values at corners 0 1 2, of sides 01 12 20
     slack: Array  # (t,) least of (m - |grad u|) / m at the corners of each triangle
     dropped: int  # triangles in which the robot cannot move
@@ -49,6 +55,9 @@ class BoundMesh:
             points=file.points,
             lattice=np.asarray(file.vertices, dtype=np.int64),
             triangles=triangles,
+            edges=row,
+            side=np.asarray(file.side, dtype=np.int64),
+            walls=file.features[:, :4],
             controls=np.concatenate([file.u_vertex[triangles], file.u_edge[row]], axis=1),
             slack=slack,
             dropped=len(file.dropped),
@@ -69,10 +78,41 @@ class BoundMesh:
     def _tree(self) -> shapely.STRtree:
         return shapely.STRtree(polygons(self.corners))
 
+    @cached_property
+    def place(self) -> Indices:
+        """The first vertex (n,) at the lattice point of each."""
+        _, first, row = np.unique(self.lattice, axis=0, return_index=True, return_inverse=True)
+        return np.asarray(first[row.reshape(-1)])
+
+    def height(self, points: Array, rows: Indices) -> Array:
+        """Distance [m] of points (k, 2) into the parts that triangles `rows` (k,) stand for; (k,).
+
+        From the line of the wall that cuts the triangle, negative on the other side; infinite where the
+        triangle is whole.
+        """
+        side = self.side[rows]
+        a, b = np.split(self.walls[np.abs(side) - (side != 0)], 2, axis=1)
+        away = _cross(b - a, points - a) / np.maximum(np.hypot(*(b - a).T), np.finfo(float).tiny)
+        return np.where(side == 0, np.inf, np.sign(side) * away)
+
+    @cached_property
+    def parts(self) -> NDArray[np.object_]:
+        """What each triangle stands for, as Shapely polygons (t,)."""
+        found = polygons(self.corners)
+        cut = np.flatnonzero(self.side)
+        a, b = np.split(self.walls[np.abs(self.side[cut]) - 1], 2, axis=1)
+        along = (b - a) / np.hypot(*(b - a).T)[:, None] * (4.0 * np.ptp(self.points, axis=0).max())
+        left = np.sign(self.side[cut])[:, None] * np.column_stack([-along[:, 1], along[:, 0]])
+        half = np.stack([a - along, a + along, a + along + left, a - along + left], axis=1)
+        found[cut] = shapely.intersection(found[cut], shapely.polygons(half))
+        return found
+
     def potential(self, points: Array) -> Array:
-        """u [s] at points (k, 2) [m]; NaN outside the kept triangles."""
+        """u [s] at points (k, 2) [m], of the copy on the point's side; NaN outside the kept triangles."""
         found = np.full(len(points), np.nan)
         which, triangle = self._tree.query(shapely.points(points), predicate="intersects")
+        its = self.height(np.asarray(points)[which], triangle) > 0.0
+        which, triangle = which[its], triangle[its]
         a, b, c = np.moveaxis(self.corners[triangle], 1, 0)
         total = _cross(b - a, c - a)
         p = points[which]
@@ -84,24 +124,46 @@ class BoundMesh:
         """Every triangle cut into equal small ones: points (k, 2) [m], triangles (p, 3), u (k,) [s].
 
         A quadratic with second derivative D is off by at most D h^2 / (8 n^2) when it is drawn as linear
-        on the small triangles of n cuts a side.
+        on the small triangles of n cuts a side. Small triangles whose centre is in the part of the other
+        copy are left out. Two of them share a point only where they share its value.
         """
         cuts = int(np.clip(np.sqrt(MOST_PIECES / max(len(self.triangles), 1)), 2, 16))
         i, j = np.array([(i, j) for i in range(cuts + 1) for j in range(cuts + 1 - i)]).T
         weights = np.stack([cuts - i - j, i, j], axis=1)  # (w, 3), whole numbers
-        at = np.einsum("wc,tcd->twd", weights, self.lattice[self.triangles]).reshape(-1, 2)
-        _, first, row = np.unique(at[:, 0] + 1j * at[:, 1], return_index=True, return_inverse=True)
         number = {(int(a), int(b)): k for k, (a, b) in enumerate(zip(i, j, strict=True))}
         up = [(number[a, b], number[a + 1, b], number[a, b + 1]) for a, b in number if a + b < cuts]
         down = [
             (number[a + 1, b], number[a + 1, b + 1], number[a, b + 1]) for a, b in number if a + b < cuts - 1
         ]
         small = np.array(up + down)  # (cuts^2, 3)
+        _, first, row = np.unique(self._named(weights), return_index=True, return_inverse=True)
         offset = len(weights) * np.arange(len(self.triangles))
-        triangles = row[(offset[:, None, None] + small).reshape(-1, 3)]
-        points = np.einsum("wc,tcd->twd", weights / cuts, self.corners).reshape(-1, 2)[first]
-        values = bernstein(self.controls[:, None], (weights / cuts)[None]).ravel()[first]
-        return points, triangles, values
+        corners = (offset[:, None, None] + small).reshape(-1, 3)
+        points = np.einsum("wc,tcd->twd", weights / cuts, self.corners).reshape(-1, 2)
+        values = bernstein(self.controls[:, None], (weights / cuts)[None]).ravel()
+        whose = np.repeat(np.arange(len(self.triangles)), len(small))
+        height = self.height(points[corners].mean(axis=1), whose)
+        # A centre on the wall itself belongs to one of both copies.
+        shown = (height > 0.0) | ((height == 0.0) & (self.side[whose] > 0))
+        return points[first], row.reshape(-1)[corners[shown]], values[first]
+
+    def _named(self, weights: Indices) -> Indices:
+        """Numbers (t w,) of the points at `weights` (w, 3) in every triangle, the same where u is one number.
+
+        At a corner that of the vertex; on a side that of the edge and the weight of its greater vertex.
+        """
+        count, (vertices, edges) = len(weights), (len(self.points), int(self.edges.max()) + 1)
+        inside = vertices + edges + np.arange(len(self.triangles))
+        named = inside[:, None] * count + np.arange(count)  # (t, w)
+        for k in range(3):
+            near, far = self.triangles[:, k], self.triangles[:, (k + 1) % 3]
+            on = np.flatnonzero(weights[:, (k + 2) % 3] == 0)
+            share = np.where((near > far)[:, None], weights[on, k], weights[on, (k + 1) % 3])
+            named[:, on] = (vertices + self.edges[:, k, None]) * count + share
+        for k in range(3):
+            corner = int(np.argmax(weights[:, k]))
+            named[:, corner] = self.triangles[:, k] * count
+        return named.ravel()
 
 
 def read_bound(folder: Path) -> tuple[BoundMesh | None, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,6 +69,35 @@ def label_curves(
         best = candidates[int(np.argmin(costs))]
         x, y = axes.transData.inverted().transform(best)
         text.set_position((float(x), float(y)))
+        halo(text)
+        taken.append(Bbox([best - half, best + half]))
+
+
+def label_points(axes: Axes, points: Mapping[str, Array], away: float, curves: Sequence[Curve]) -> None:
+    """Write the name of each point (2,) beside it, at the corner where it covers fewest points of the curves.
+
+    Call it when the limits of the axes are final. `away` [px]: how far from its point, across and along.
+    """
+    axes.figure.figure.draw_without_rendering()
+    dense = [_dense(axes, curve) for curve in curves]
+    covered, frame = np.concatenate([np.empty((0, 2)), *dense]), axes.get_window_extent()
+    taken: list[Bbox] = []
+    for name, point in points.items():
+        text = axes.annotate(
+            name, (point[0], point[1]), (0, 0), textcoords="offset points", ha="center", va="center",
+            weight="bold", zorder=6,
+        )  # fmt: skip
+        box, at = text.get_window_extent(), axes.transData.transform(point)
+        half = np.array([box.width, box.height]) / 2.0
+        centre = np.array([frame.x0 + frame.x1, frame.y0 + frame.y1]) / 2.0
+        inward = np.where(at < centre, 1.0, -1.0)
+        candidates = at + inward * [[1, 1], [1, -1], [-1, 1], [-1, -1]] * (away + half)
+        costs = np.array([_cost(c, half, covered, frame, taken) for c in candidates])
+        others = axes.transData.transform([points[key] for key in points if key != name])
+        for other in others:  # a name about as near to another point would be taken for its
+            costs += 500.0 * (np.hypot(*(candidates - other).T) < 1.5 * np.hypot(*(candidates - at).T))
+        best = candidates[int(np.argmin(costs))]
+        text.set_position(tuple(best - at))
         halo(text)
         taken.append(Bbox([best - half, best + half]))
 

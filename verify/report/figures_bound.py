@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from verify.report.curves import halo
 from verify.report.figures_mesh import logarithmic
-from verify.report.numbers import count, duration, percent, seconds, seconds_proven, significant
+from verify.report.numbers import bracket, count, duration, percent_beside, seconds_proven, significant
 from verify.report.palette import INK, LIMIT, RULE, method
 from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_figure, to_svg
 
@@ -30,6 +30,7 @@ class Closing:
     lower: Array  # (r,) [s], proven by the round
     upper: float | None  # [s], least time of a feasible plan of the same model
     upper_method: str  # whose that is, "" when there is none
+    gap_limit: float | None = None  # ratio, of the gate
 
     @property
     def best(self) -> Array:
@@ -43,10 +44,22 @@ def draw_closing(data: Closing) -> Picture:
         f"{count(n)} triangles, {duration(t)}: {seconds_proven(low)}"
         for n, t, low in zip(data.triangles, data.seconds, data.lower, strict=True)
     )
-    best = f" The best time found is {seconds(data.upper)}." if data.upper is not None else ""
+    best = f" The best time found is {_ends(data)[1]}." if data.upper is not None else ""
+    if len(data.lower) == 1:
+        heading, marks = "The bracket after the only round", "The triangle mark is the round: a certificate."
+    else:
+        closes = data.best[-1] > data.best[0]
+        heading = "The bracket closes as the mesh is refined" if closes else "The bracket, round by round"
+        marks = "Each triangle mark is a round: a certificate of its own. The step is the best bound so far."
+    shaded = (
+        " The least travel time lies in the shaded bracket, whichever way it takes. Below, the height of the "
+        "bracket as a share of the bound."
+        if data.upper is not None
+        else ""
+    )
     described = {
         "key": "bound-closing",
-        "title": "The bracket closes",
+        "title": heading,
         "description": f"Proven lower bound by round of refinement: {rows}.{best}",
     }
     with drawing_style():
@@ -54,11 +67,15 @@ def draw_closing(data: Closing) -> Picture:
             **described,
             svg=_draw(data, described, WIDE),
             narrow=_draw(data, {**described, "key": "bound-closing-narrow"}, NARROW),
-            heading="The bracket closes as the mesh is refined",
-            caption="Each triangle mark is a round: a certificate of its own. The step is the best bound so "
-            "far; the least travel time lies in the shaded bracket, whichever way it takes. Below, the "
-            "height of the bracket as a share of the bound.",
+            heading=heading,
+            caption=marks + shaded,
         )
+
+
+def _ends(data: Closing) -> tuple[str, str]:
+    """The proven bound and the best time found, the latter empty where there is none."""
+    best = float(data.best[-1])
+    return (seconds_proven(best), "") if data.upper is None else bracket(best, data.upper)
 
 
 def _draw(data: Closing, described: dict[str, str], width: float) -> Markup:
@@ -111,7 +128,7 @@ def _bounds(axes: Axes, data: Closing, x: Array, named: bool) -> None:
         if named:
             _say(
                 axes,
-                f"best found: {seconds(data.upper)}, {above.label}",
+                f"best found: {_ends(data)[1]}, {above.label}",
                 (1.0, data.upper),
                 (-4, 5),
                 "bottom",
@@ -122,7 +139,7 @@ def _bounds(axes: Axes, data: Closing, x: Array, named: bool) -> None:
     if named:
         _say(
             axes,
-            f"proven: {seconds_proven(float(best[-1]))}",
+            f"proven: {_ends(data)[0]}",
             (1.0, float(best[-1])),
             (-4, -9),
             "top",
@@ -140,7 +157,7 @@ def _gap(axes: Axes, data: Closing, x: Array, named: bool) -> None:
     if named:
         _say(
             axes,
-            f"gap {percent(float(ratio[-1]))}",
+            f"gap {percent_beside(float(ratio[-1]), data.gap_limit)}",
             (1.0, 100.0 * float(ratio[-1])),
             (-4, -7),
             "top",

@@ -16,9 +16,10 @@ from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import Normalize
 from matplotlib.patches import Circle
 from matplotlib.path import Path as Outline
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from verify.report.curves import halo
+from verify.report.curves import Curve, halo, label_points
 from verify.report.evidence import SimulatedRun
 from verify.report.palette import ARC, CASING, FLOOR, INK, MUTED, PAPER, RACK, RACK_EDGE, SPEED_MAP, method
 from verify.report.series import thinned_path
@@ -251,12 +252,19 @@ def draw_speed(axes: Axes, motion: Trajectory, *, width: float) -> ScalarMappabl
     return colours
 
 
-def draw_ends(axes: Axes, problem: Problem, motion: Trajectory | None) -> None:
-    """The robot's disc at start and goal, to scale, with its direction of motion where known."""
+def draw_ends(axes: Axes, problem: Problem, motion: Trajectory | None, *, filled: bool = True) -> None:
+    """The robot's disc at start and goal, to scale, with its direction of motion where known.
+
+    Call it when the limits of the axes are final. Without `filled` what lies below the discs stays in sight.
+    """
+    radius = problem.robot.radius
+    rims = [] if filled else [withStroke(linewidth=3.4, foreground=PAPER.light)]
     for name, end, row in (("start", problem.start, 0), ("goal", problem.goal, -1)):
         x, y = end.position
-        radius = problem.robot.radius
-        axes.add_patch(Circle((x, y), radius, facecolor=PAPER.light, edgecolor=INK.light, lw=1.4, zorder=4))
+        face = PAPER.light if filled else "none"
+        axes.add_patch(
+            Circle((x, y), radius, facecolor=face, edgecolor=INK.light, lw=1.4, zorder=4, path_effects=rims)
+        )
         axes.plot(
             x, y, "o" if name == "start" else "X", color=INK.light, ms=4 if name == "start" else 6, zorder=5
         )
@@ -269,18 +277,8 @@ def draw_ends(axes: Axes, problem: Problem, motion: Trajectory | None) -> None:
                 lw=1.4,
                 zorder=5,
             )
-        pixels = np.ptp(axes.transData.transform([[0.0, 0.0], [radius, 0.0]])[:, 0])
-        x0, y0, x1, y1 = problem.world.bounds
-        up, right = y < 0.5 * (y0 + y1), x < 0.5 * (x0 + x1)
-        halo(
-            axes.annotate(
-                name,
-                (x, y),
-                (pixels + 3 if right else -pixels - 3, pixels + 3 if up else -pixels - 3),
-                textcoords="offset points",
-                weight="bold",
-                zorder=6,
-                ha="left" if right else "right",
-                va="bottom" if up else "top",
-            )
-        )
+    pixels = np.ptp(axes.transData.transform([[0.0, 0.0], [radius, 0.0]])[:, 0])
+    ends = {"start": problem.start.point, "goal": problem.goal.point}
+    label_points(
+        axes, ends, math.sqrt(0.5) * pixels + 3.0, [] if motion is None else [Curve(x=motion.x, y=motion.y)]
+    )

@@ -18,10 +18,10 @@ from matplotlib.path import Path as Outline
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
-from verify.report.bound import BoundMesh, long_sides, polygons
+from verify.report.bound import BoundMesh, long_sides
 from verify.report.curves import halo
 from verify.report.figures_map import GROUND, draw_ends, draw_world, map_height, outline
-from verify.report.numbers import count, power_of_ten, seconds_proven, significant
+from verify.report.numbers import count, percent, power_of_ten, seconds_proven, significant
 from verify.report.palette import BANDS, INK, MUTED, PAPER, RACK_EDGE, SLACKS, method
 from verify.report.series import thinned_path
 from verify.report.svg import NARROW, PANEL, WIDE, Picture, drawing_style, new_axes, to_svg
@@ -41,6 +41,7 @@ AROUND = 0.7  # of the extent of the path, on each side of it, that the isochron
 CROPPED = 0.25  # of the world's area: a larger part is not worth a cut
 MOST_BANDS = len(BANDS) - 2  # one tone for what lies before the start, one for what lies after the goal
 PATH_SAMPLES = 1500  # along the path, where the potential is looked up
+NEAR = 0.01  # gap, ratio: up to this the best path known is told to be like the fastest one
 FINE = 5  # isochrones without a number to one with a number
 
 
@@ -50,6 +51,12 @@ class Way:
 
     method: str
     motion: Trajectory
+    gap: float | None = None  # ratio, how far its time is above the bound
+
+    @property
+    def near(self) -> bool:
+        """Whether it is so near to the bound that what it does is what the fastest way does."""
+        return self.gap is not None and self.gap <= NEAR
 
 
 def draw_slack(problem: Problem, mesh: BoundMesh, way: Way | None) -> Sequence[Picture]:
@@ -64,7 +71,12 @@ def draw_slack(problem: Problem, mesh: BoundMesh, way: Way | None) -> Sequence[P
     )
     meaning = (
         " In a strongly coloured triangle the potential is as steep as the speed limit allows: there the "
-        "bound is won. Pale ones have room to spare, the fastest ways do not pass there."
+        "bound is won. "
+        + (
+            "Pale ones have room to spare, the fastest ways do not pass there."
+            if way is not None and way.near
+            else "Pale ones have room to spare: no fast way passes there, or finer triangles prove more."
+        )
     )
     drawn = [
         ("bound-slack", "Slack of the certificate, triangle by triangle", spoken + meaning, None),
@@ -122,7 +134,7 @@ def _slack(
     span = float(np.ptp(axes.get_xlim()))
     pixel = span / (PANEL - 60.0)  # [m]
     _fill_slack(axes, mesh, shown, 0.2 * pixel, world)
-    sides = mesh.triangles[shown & (mesh.size > LEAST_SIDE * pixel)][:, [[0, 1], [1, 2], [2, 0]]]
+    sides = mesh.place[mesh.triangles][shown & (mesh.size > LEAST_SIDE * pixel)][:, [[0, 1], [1, 2], [2, 0]]]
     lines = long_sides(mesh.lattice, np.unique(np.sort(sides.reshape(-1, 2), axis=1), axis=0))
     path = _one_path(mesh.points[lines])
     thin = PathCollection([path], facecolors="none", edgecolors=RACK_EDGE.light, linewidths=0.35,
@@ -131,11 +143,11 @@ def _slack(
     if way is not None:
         line = thinned_path(way.motion.x, way.motion.y, span)
         axes.plot(*line, color=method(way.method).light, lw=1.3)
+    _slack_bar(figure, axes)
     if window is None:
-        draw_ends(axes, problem, None)
+        draw_ends(axes, problem, way.motion if way else None, filled=False)
     else:
         axes.plot(x, y, "o", color=INK.light, ms=4)
-    _slack_bar(figure, axes)
     return to_svg(figure, **described)
 
 
@@ -143,9 +155,13 @@ def _fill_slack(axes: Axes, mesh: BoundMesh, shown: NDArray[np.bool_], blur: flo
     """Each tone covers all triangles at least as tight, so that no seam shows between two tones."""
     least = (math.inf, *SLACK_STEPS)
     for tone, most in zip(SLACKS, least, strict=True):
-        chosen = polygons(mesh.corners[shown & (mesh.slack <= most)])
-        if len(chosen):
-            united = shapely.simplify(shapely.coverage_union_all(chosen), blur)
+        chosen = shown & (mesh.slack <= most)
+        if chosen.any():
+            united = shapely.coverage_union_all(mesh.parts[chosen & (mesh.side == 0)])
+            halves = mesh.parts[chosen & (mesh.side != 0)]
+            if len(halves):
+                united = shapely.union_all([united, *halves])
+            united = shapely.simplify(united, blur)
             parts = [outline(part) for part in shapely.get_parts(united) if not part.is_empty]
             area = PathCollection([Outline.make_compound_path(*parts)], facecolors=tone.light,
                                   linewidths=0.0, zorder=GROUND + 0.1)  # fmt: skip
@@ -180,9 +196,8 @@ def draw_potential(problem: Problem, mesh: BoundMesh, way: Way | None) -> Pictur
     caption = (
         "Lines of equal potential u − u(start), in seconds. No motion crosses from one line to the next "
         "faster than the numbers say, whatever way it takes; so the time from start to goal is at least "
-        "their difference. The best path crosses them as fast as that, at right angles. Far from it u may "
-        "lie below the least time from the start, as no fast way passes there. Blank: dropped triangles, "
-        "where the robot cannot move." + (" The part of the world around the path." if window else "")
+        f"their difference. {_crossing(way)}Blank: dropped triangles, where the robot cannot move."
+        + (" The part of the world around the path." if window else "")
     )
     with drawing_style():
         return Picture(
@@ -194,6 +209,21 @@ def draw_potential(problem: Problem, mesh: BoundMesh, way: Way | None) -> Pictur
             heading="Isochrones of the certificate",
             caption=caption,
         )
+
+
+def _crossing(way: Way | None) -> str:
+    """How the best path known crosses the isochrones."""
+    if way is None or way.gap is None:
+        return ""
+    if way.near:
+        return (
+            f"The best path takes {percent(way.gap)} longer than that: it crosses them nearly at right "
+            "angles. Far from it u may lie below the least time from the start, as no fast way passes there. "
+        )
+    return (
+        f"The best path known takes {percent(way.gap)} longer than that: it is not the fastest, or this "
+        "u does not rise as fast as it could. "
+    )
 
 
 def isochrone_step(total: float) -> float:
@@ -238,7 +268,7 @@ def _potential(
                                      zorder=GROUND + 0.2)  # fmt: skip
         _add_on_floor(axes, drawn_lines, world)
     _draw_way(axes, way, world, 2.6 if wide else 2.0)
-    draw_ends(axes, problem, way.motion if way else None)
+    draw_ends(axes, problem, way.motion if way else None, filled=False)
     for value, at, aside in drawn.numbers if wide else drawn.numbers[::2]:
         text = axes.annotate(
             f"{value:g}", (at[0], at[1]), (13.0 * aside[0], 13.0 * aside[1]), textcoords="offset points",

@@ -61,7 +61,7 @@ def _row(name: str, result: Mapping[str, Any]) -> IndexRow:
         optimum=seconds(optimum),
         above=percent(time / optimum - 1.0, signed=True) if time is not None and optimum else "–",
         lower_bound=seconds_proven(times.get("lower_bound")),
-        gap=percent(number_in(result, "gaps", "certified")),
+        gap=story.gap_figure(result, "certified"),
         simulated=seconds(times.get("simulation")),
         gates=", ".join(f"{number} {word}" for word, number in counts.items() if number) or "none",
     )

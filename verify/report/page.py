@@ -269,7 +269,11 @@ def _bound_maps(
 ) -> Sequence[Picture]:
     """The certificate's pictures, the way on top being the one that the bound is compared with."""
     names = [name for name in (upper(result)[1], *story.OPTIMA) if name in evidence.plans]
-    way = Way(method=names[0], motion=evidence.plans[names[0]]) if names else None
+    way = None
+    if names:
+        time, proven = (story.travel_times(result).get(name) for name in (names[0], "lower_bound"))
+        gap = time / proven - 1.0 if time is not None and proven else None
+        way = Way(method=names[0], motion=evidence.plans[names[0]], gap=gap)
     return [draw_potential(problem, mesh, way), *draw_slack(problem, mesh, way)]
 
 

@@ -12,14 +12,17 @@ from verify.report.numbers import (
     count,
     duration,
     exact,
+    exact_percent,
     fine_percent,
     metres,
     number_in,
     percent,
+    percent_beside,
     seconds,
     seconds_proven,
     significant,
     with_unit,
+    with_unit_beside,
 )
 from verify.report.palette import METHODS, Method, method
 from verify.report.text import label
@@ -133,7 +136,7 @@ def gate_rows(result: Result) -> list[GateRow]:
                 name=name,
                 title=look.title,
                 meaning=look.meaning,
-                value=_gate_figure(number_in(gate, "value"), look.unit),
+                value=_gate_figure(number_in(gate, "value"), limit, look.unit),
                 limit=DASH if limit is None else f"{sign}\u00a0{_limit_figure(limit, look.unit)}",
                 status=status,
                 reason=words(gate.get("reason")).removeprefix("not evaluated: "),
@@ -144,18 +147,30 @@ def gate_rows(result: Result) -> list[GateRow]:
 
 def _limit_figure(value: float, unit: str) -> str:
     if unit == "%":
-        return exact(round(100.0 * value, 9)) + "\u00a0%"
+        return exact_percent(value)
     return exact(value) if unit in ("1", "") else f"{exact(value)}\u00a0{unit}"
 
 
-def _gate_figure(value: float | None, unit: str) -> str:
+def _gate_figure(value: float | None, limit: float | None, unit: str) -> str:
+    """A gate's value, with the digits that show on which side of its limit it is."""
     if unit == "%":
-        return percent(value)
-    if unit == "stops":
+        return percent_beside(value, limit)
+    if value is not None and unit == "stops" and value == round(value):
         return count(value)
-    if unit == "1":
-        return significant(value, 2)
-    return with_unit(value, unit)
+    if value is None or limit is None:
+        return significant(value, 2) if unit == "1" else with_unit(value, unit)
+    return with_unit_beside(value, limit, unit)
+
+
+def gap_figure(result: Result, key: str) -> str:
+    """A gap in percent, with the digits that show on which side of its gate's limit it is."""
+    return percent_beside(number_in(result, "gaps", key), gate_limit(result, f"{key}_gap"))
+
+
+def gate_limit(result: Result, name: str) -> float | None:
+    """The limit of a gate, None where there is none."""
+    limits = (number_in(gate, "limit") for gate in entries(result, "gates") if gate.get("name") == name)
+    return next(limits, None)
 
 
 def strayed(result: Result) -> bool:
@@ -274,7 +289,7 @@ def key_figures(result: Result, evidence: Evidence) -> list[KeyFigure]:
             row = gates[name]
             figures.append(KeyFigure(title, row.value, f"must be {row.limit}" if row.limit != DASH else ""))
     figures += [
-        KeyFigure(title, fine_percent(value) if key == "analytic" else percent(value))
+        KeyFigure(title, fine_percent(value) if key == "analytic" else gap_figure(result, key))
         for key, title in GAPS.items()
         if (value := number_in(result, "gaps", key)) is not None
     ]

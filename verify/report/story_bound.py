@@ -3,29 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from decimal import ROUND_CEILING, ROUND_FLOOR
-from math import ceil, log10
 
 import numpy as np
 
 from verify.report.bound import listed
 from verify.report.figures_bound import Closing
 from verify.report.numbers import (
-    DASH,
-    SPACE,
+    bracket,
     count,
     duration,
     number_in,
     percent,
-    rounded,
     seconds_proven,
     significant,
 )
 from verify.report.palette import method
-from verify.report.story import FAILED, OPTIMA, Result, check_rows, entries, mapping, words
+from verify.report.story import (
+    FAILED,
+    OPTIMA,
+    Result,
+    check_rows,
+    entries,
+    executed_plan,
+    gap_figure,
+    gate_limit,
+    mapping,
+    words,
+)
 from verify.report.wording import STOPPED
 
-FEWEST, MOST = 3, 9  # decimals [s] of a bracket
+FINE = 6  # decimals [s] of the bound that a round proved
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,16 +75,6 @@ def upper(result: Result) -> tuple[float | None, str]:
     return (times[found], found) if found and near[found] <= 1e-9 * best else (best, "")
 
 
-def bracket(lower: float, best: float) -> tuple[str, str]:
-    """Both bounds with the decimals that tell them apart, the lower one rounded down, the other one up."""
-    apart = abs(best - lower)
-    decimals = FEWEST if apart == 0.0 else int(np.clip(1 + ceil(-log10(apart)), FEWEST, MOST))
-    return (
-        f"{rounded(lower, decimals, ROUND_FLOOR)}{SPACE}s",
-        f"{rounded(best, decimals, ROUND_CEILING)}{SPACE}s",
-    )
-
-
 def bracket_sentence(result: Result) -> str:
     """What is proven about every way, and how near the best one found is; empty without a bound."""
     proven, gap = number_in(result, "lower_bound", "travel_time"), number_in(result, "gaps", "certified")
@@ -87,10 +84,10 @@ def bracket_sentence(result: Result) -> str:
     if best is None or gap is None:
         return f"No path of any homotopy class can take less than {seconds_proven(proven)}."
     low, high = bracket(proven, best)
-    whose = f" ({method(name).label.lower()})" if name else ""
+    whose = f" ({_named(name)})" if name else ""
     return (
         f"No path of any homotopy class can take less than {low}; the best found{whose} takes {high}: "
-        f"gap {percent(gap)}."
+        f"gap {gap_figure(result, 'certified')}."
     )
 
 
@@ -102,9 +99,10 @@ def full_bound(result: Result) -> float | None:
 
 def full_sentence(result: Result) -> str:
     """The same for the full robot, with the extra time E of its ends; empty without a gap."""
-    gap, least = number_in(result, "gaps", "certified_full"), full_bound(result)
-    cost, time = number_in(result, "end_cost"), number_in(result, "plans", "refined", "travel_time")
-    if gap is None or least is None or time is None:
+    gap, least, name = number_in(result, "gaps", "certified_full"), full_bound(result), executed_plan(result)
+    cost, refined = number_in(result, "end_cost"), number_in(result, "plans", "refined", "travel_time")
+    time = number_in(result, "plans", name, "travel_time")
+    if gap is None or least is None or refined is None or time is None:
         return ""
     low, high = bracket(least, time)
     if cost is not None and cost > 0.0:
@@ -117,7 +115,17 @@ def full_sentence(result: Result) -> str:
             "The full robot obeys further limits, which cost time or nothing: it cannot take less than "
             f"{low} either"
         )
-    return f"{beginning}; its motion takes {high}: gap {percent(gap)}."
+    if name == "refined":
+        return f"{beginning}; its motion takes {high}: gap {percent(gap)}."
+    return (
+        f"{beginning}; the motion to execute, that of the {_named(name)}, takes {high}. The gap of the full "
+        f"robot, {percent(gap)}, is that of the refined motion, which takes {bracket(least, refined)[1]}."
+    )
+
+
+def _named(plan: str) -> str:
+    """A plan's name within a sentence."""
+    return method(plan).label.lower().replace("voronoi", "Voronoi")
 
 
 def _stopped(result: Result) -> str:
@@ -149,7 +157,7 @@ def _rounds(result: Result) -> tuple[tuple[str, ...], ...]:
         rows.append(
             (
                 count(number_in(item, "triangles")),
-                DASH if low is None else f"{low:.6f}\u00a0s",
+                seconds_proven(low, FINE),
                 percent(best / low - 1.0 if best is not None and low else None),
                 duration(number_in(item, "seconds")),
                 words(item.get("status")),
@@ -170,7 +178,14 @@ def closing(result: Result) -> Closing | None:
     if (number_in(bound, "travel_time") or 0.0) <= 0.0 or not len(told):
         return None
     best, name = upper(result)
-    return Closing(triangles=told[:, 0], seconds=told[:, 1], lower=told[:, 2], upper=best, upper_method=name)
+    return Closing(
+        triangles=told[:, 0],
+        seconds=told[:, 1],
+        lower=told[:, 2],
+        upper=best,
+        upper_method=name,
+        gap_limit=gate_limit(result, "certified_gap"),
+    )
 
 
 def _missing(result: Result) -> str:
