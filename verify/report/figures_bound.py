@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from markupsafe import Markup
@@ -13,7 +14,7 @@ from verify.report.curves import halo
 from verify.report.figures_mesh import logarithmic
 from verify.report.numbers import bracket, count, duration, percent_beside, seconds_proven, significant
 from verify.report.palette import INK, LIMIT, RULE, method
-from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_figure, to_svg
+from verify.report.svg import WIDE, Picture, both_widths, new_figure, to_svg
 
 Array = NDArray[np.float64]
 
@@ -62,14 +63,7 @@ def draw_closing(data: Closing) -> Picture:
         "title": heading,
         "description": f"Proven lower bound by round of refinement: {rows}.{best}",
     }
-    with drawing_style():
-        return Picture(
-            **described,
-            svg=_draw(data, described, WIDE),
-            narrow=_draw(data, {**described, "key": "bound-closing-narrow"}, NARROW),
-            heading=heading,
-            caption=marks + shaded,
-        )
+    return both_widths(partial(_draw, data), described, heading=heading, caption=marks + shaded)
 
 
 def _ends(data: Closing) -> tuple[str, str]:

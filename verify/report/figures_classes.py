@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from markupsafe import Markup
@@ -17,7 +18,7 @@ from verify.report.figures_mesh import logarithmic
 from verify.report.numbers import count, seconds, significant
 from verify.report.palette import INK, PAPER, rank_tone
 from verify.report.series import in_steps, thinned, thinned_path
-from verify.report.svg import NARROW, PANEL, WIDE, Picture, drawing_style, new_axes, new_figure, to_svg
+from verify.report.svg import PANEL, WIDE, Picture, both_widths, drawing_style, new_axes, new_figure, to_svg
 from verify.report.text import label
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
@@ -45,14 +46,12 @@ def draw_class_map(problem: Problem, classes: Sequence[ClassDrawing]) -> Picture
         "title": "Map of the optimal paths of the homotopy classes",
         "description": f"The fastest path of each class, numbered by rank: {spoken}.{more}",
     }
-    with drawing_style():
-        return Picture(
-            **described,
-            svg=_map(problem, shown, described, WIDE),
-            narrow=_map(problem, shown, {**described, "key": "classes-map-narrow"}, NARROW),
-            caption="The fastest path of each class in the variational model, numbered by rank. Where paths "
-            f"run together, the lines of better classes lie on top as narrower bands.{more}",
-        )
+    return both_widths(
+        partial(_map, problem, shown),
+        described,
+        caption="The fastest path of each class in the variational model, numbered by rank. Where paths "
+        f"run together, the lines of better classes lie on top as narrower bands.{more}",
+    )
 
 
 def _map(
@@ -130,15 +129,13 @@ def draw_class_speeds(problem: Problem, classes: Sequence[ClassDrawing]) -> Pict
         "title": "Speed over time of the classes",
         "description": f"Speed along the optimal path of each class: {spoken}.",
     }
-    with drawing_style():
-        return Picture(
-            **described,
-            svg=_speeds(moving, described, WIDE),
-            narrow=_speeds(moving, {**described, "key": "classes-speed-narrow"}, NARROW),
-            heading="Speed along the optimal path of each class",
-            caption="At every instant the braking limit V(d) of the place: the variational model knows no "
-            "limit of acceleration or turning.",
-        )
+    return both_widths(
+        partial(_speeds, moving),
+        described,
+        heading="Speed along the optimal path of each class",
+        caption="At every instant the braking limit V(d) of the place: the variational model knows no "
+        "limit of acceleration or turning.",
+    )
 
 
 def _speeds(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import shapely
@@ -24,7 +25,7 @@ from verify.report.figures_map import GROUND, draw_ends, draw_world, map_height,
 from verify.report.numbers import count, percent, power_of_ten, seconds_proven, significant
 from verify.report.palette import BANDS, INK, MUTED, PAPER, RACK_EDGE, SLACKS, method
 from verify.report.series import thinned_path
-from verify.report.svg import NARROW, PANEL, WIDE, Picture, drawing_style, new_axes, to_svg
+from verify.report.svg import PANEL, WIDE, Picture, both_widths, drawing_style, new_axes, to_svg
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
 from vnav_drake.world import World
@@ -199,16 +200,12 @@ def draw_potential(problem: Problem, mesh: BoundMesh, way: Way | None) -> Pictur
         f"their difference. {_crossing(way)}Blank: dropped triangles, where the robot cannot move."
         + (" The part of the world around the path." if window else "")
     )
-    with drawing_style():
-        return Picture(
-            **described,
-            svg=_potential(problem, drawn, way, window, described, WIDE),
-            narrow=_potential(
-                problem, drawn, way, window, {**described, "key": "bound-potential-narrow"}, NARROW
-            ),
-            heading="Isochrones of the certificate",
-            caption=caption,
-        )
+    return both_widths(
+        partial(_potential, problem, drawn, way, window),
+        described,
+        heading="Isochrones of the certificate",
+        caption=caption,
+    )
 
 
 def _crossing(way: Way | None) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -95,6 +95,19 @@ class Picture:
     narrow: Markup | None = None  # another drawing for small screens
     caption: str = ""  # below the picture
     heading: str = ""  # above the picture
+
+
+def both_widths(
+    draw: Callable[[dict[str, str], float], Markup], described: dict[str, str], **around: str
+) -> Picture:
+    """A picture drawn twice, for wide and for small screens; `around`: its heading and caption."""
+    with drawing_style():
+        return Picture(
+            **described,
+            svg=draw(described, WIDE),
+            narrow=draw({**described, "key": f"{described['key']}-narrow"}, NARROW),
+            **around,
+        )
 
 
 def to_svg(figure: Figure, *, key: str, title: str, description: str) -> Markup:
