@@ -69,7 +69,10 @@ def test_a_gate_beyond_its_limit_by_little_does_not_print_the_limit():
     assert line == "gate constraint_violation: fails, value 1.00000001e-06, limit 1e-06"
 
 
-@given(st.floats(-1e6, 1e6), st.floats(-1e-3, 1e-3) | st.sampled_from([0.0, 2e-16, -2e-16]))
+LIMITS = st.floats(1e-300, 1e6) | st.floats(-1e6, -1e-300) | st.just(0.0)
+
+
+@given(LIMITS, st.floats(-1e-3, 1e-3) | st.sampled_from([0.0, 2e-16, -2e-16]))
 def test_what_is_printed_is_on_the_same_side_as_what_is_judged(limit, off):
     value = limit * (1.0 + off)
     shown, bound = Decimal(beside(value, limit, 2)), Decimal(as_given(limit))

@@ -16,8 +16,8 @@ def tells_side(shown: Decimal, value: float, limit: float) -> bool:
 def digits_beside(value: float, limit: float, fewest: int) -> int:
     """Least number of significant digits, of `fewest` or more, that show on which side of `limit` a value is.
 
-    Both finite. As many digits as the shortest decimal number has that names the value suffice: such
-    numbers are in the order of their floats.
+    Both finite and not subnormal. As many digits as the shortest decimal number has that names the value
+    suffice, and more (up to 15) are zeros: such numbers are in the order of their floats.
     """
     more = range(fewest, MOST)
     return next((n for n in more if tells_side(Decimal(f"{value:.{n - 1}e}"), value, limit)), MOST)
