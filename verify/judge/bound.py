@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from verify.digits import rounded
 from verify.evidence import MODEL_OF_PLAN
 from verify.judge.certificate import Proof
 from verify.judge.checks import Setting
@@ -64,7 +65,7 @@ class Bound:
     @property
     def _proven(self) -> str:
         """The proven time, with its last digit rounded down."""
-        return f"{math.floor(1e6 * self.proof.travel_time) / 1e6:.6f}"
+        return rounded(float(self.proof.travel_time), 6)
 
     def as_result(self) -> dict[str, Any]:
         """The judged part of `lower_bound` in result.json."""
