@@ -7,6 +7,7 @@ drawn again.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import shapely
@@ -44,11 +45,7 @@ def hall_of_boxes(seed: int = 0, *, radius: float = 0.3) -> Problem:
     ValueError : no layout was found in which the robot gets from start to goal.
     """
     rng = np.random.default_rng([seed, 1])
-    for _attempt in range(ATTEMPTS):
-        problem = _joined(HALL, [_box(rng) for _ in range(BOXES)], radius)
-        if problem is not None:
-            return problem
-    raise ValueError(f"seed {seed}: no way through the hall of boxes in {ATTEMPTS} layouts")
+    return _drawn(f"seed {seed}: hall of boxes", HALL, radius, lambda: [_box(rng) for _ in range(BOXES)])
 
 
 def field_of_hexagons(seed: int = 0, *, radius: float = 0.2) -> Problem:
@@ -66,15 +63,24 @@ def field_of_hexagons(seed: int = 0, *, radius: float = 0.2) -> Problem:
     rng = np.random.default_rng([seed, 2])
     cell = np.stack(np.divmod(np.arange(HEXAGONS), ROW), axis=1)
     side = PITCH * ROW + 1.0
-    for _attempt in range(ATTEMPTS):
+
+    def rings() -> list[Array]:
         center = PITCH * (cell + 0.5) + 0.5 + rng.uniform(-0.4, 0.4, (HEXAGONS, 2))
         angle = 2.0 * math.pi * np.arange(6) / 6.0 + rng.uniform(0.0, 1.0, (HEXAGONS, 1))
         reach = rng.uniform(0.3, 1.5, (HEXAGONS, 6, 1))
-        rings = center[:, None] + reach * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        problem = _joined(side, list(np.clip(rings, EDGE, side - EDGE)), radius)
+        corners = center[:, None] + reach * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        return list(np.clip(corners, EDGE, side - EDGE))
+
+    return _drawn(f"seed {seed}: field of hexagons", side, radius, rings)
+
+
+def _drawn(what: str, side: float, radius: float, rings: Callable[[], list[Array]]) -> Problem:
+    """The first layout drawn in which a way joins start and goal."""
+    for _attempt in range(ATTEMPTS):
+        problem = _joined(side, rings(), radius)
         if problem is not None:
             return problem
-    raise ValueError(f"seed {seed}: no way through the field of hexagons in {ATTEMPTS} layouts")
+    raise ValueError(f"{what}: no way through in {ATTEMPTS} layouts")
 
 
 def _box(rng: np.random.Generator) -> Array:

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from vnav_drake.lower_bound.certificate import Certificate
 from vnav_drake.lower_bound.cover import Cover, barycentric
 from vnav_drake.lower_bound.mesh import edges_of
+from vnav_drake.lower_bound.minorant import Choice
 from vnav_drake.lower_bound.program import Elements, Functional, Solution
 from vnav_drake.lower_bound.sheets import Sheets, sheets
 from vnav_drake.problem import NoPathError, Problem
@@ -29,6 +30,7 @@ class Assembly:
 
     cover: Cover
     sheets: Sheets
+    choice: Choice  # of minorants, for all copies
     copies: Indices  # (t,), copies of kept triangles that are connected to the start
     elements: Elements  # those triangles
     ends: tuple[int, int]  # copies that contain start and goal
@@ -49,6 +51,7 @@ def assemble(cover: Cover) -> Assembly:
     NoPathError : the goal is not connected to the start.
     """
     parts = sheets(cover)
+    choice = cover.choice(parts.rows)
     points = (cover.ground.start, cover.ground.goal)
     first, last = (parts.at(cover.locate(point), cover, point) for point in points)
     count = len(parts.place)
@@ -67,12 +70,12 @@ def assemble(cover: Cover) -> Assembly:
         j, k = (i + 1) % 3, (i + 2) % 3
         control[:, i, i] = vertex[:, i]
         control[:, j, k] = control[:, k, j] = len(used) + of_edge[:, i]
-    elements = Elements(cover.corners(rows), control, cover.choice(rows), len(used) + len(edge))
+    elements = Elements(cover.corners(rows), control, choice.of(copies), len(used) + len(edge))
     start, goal = (
         _functional(elements, int(np.searchsorted(copies, copy)), point)
         for copy, point in zip((first, last), points, strict=True)
     )
-    return Assembly(cover, parts, copies, elements, (first, last), start, goal)
+    return Assembly(cover, parts, choice, copies, elements, (first, last), start, goal)
 
 
 def _functional(elements: Elements, row: int, point: Array) -> Functional:
@@ -94,7 +97,7 @@ def certified(problem: Problem, assembly: Assembly, solution: Solution) -> Certi
     share = np.ones(len(parts.rows))
     share[assembly.copies] = solution.weight
     size = float(np.abs(values).max(initial=0.0))
-    choice, law = cover.choice(parts.rows), problem.braking
+    choice, law = assembly.choice, problem.braking
     blocked = np.setdiff1d(np.arange(len(mesh.triangles)), parts.rows)
     return Certificate(
         vertices=mesh.vertices[parts.place],

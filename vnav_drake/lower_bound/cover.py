@@ -86,17 +86,13 @@ class Cover:
         mesh = self.mesh.refined(marked)
         parent = mesh.parent
         halves = np.bincount(parent, minlength=len(self.mesh.triangles))[parent]
-        fresh = self.mesh_points_after(mesh)
+        fresh = mesh.points[len(self.mesh.vertices) :]
         nearest = np.concatenate([self.nearest, self.ground.features.nearest(fresh)])
         reason = self.reason[parent]
         new = np.flatnonzero((halves > 1) & (reason == FREE))
         reason = _reasons(self.ground, mesh, nearest, reason, new)
         flow = np.where((halves > 1)[:, None], CENTRE, self.flow[parent])
         return Cover(self.ground, mesh, nearest, reason, flow, self.time[parent] / halves)
-
-    def mesh_points_after(self, mesh: Mesh) -> Array:
-        """Points [m] of a refined mesh that this one does not have."""
-        return mesh.lattice.metres(mesh.vertices[len(self.mesh.vertices) :])
 
     def grown(self, marks: Callable[[Cover], Mask], target: int) -> Cover:
         """Divided by `marks` again and again, until `target` triangles are kept or none is marked."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +72,7 @@ class Mesh:
         vertices = np.concatenate([corners, middles]).astype(np.int64)
         return cls(lattice, vertices, triangles.astype(np.int64), np.full(len(triangles), -1))
 
-    @property
+    @cached_property
     def points(self) -> Array:
         """(n, 2) [m]"""
         return self.lattice.metres(self.vertices)

@@ -17,7 +17,8 @@ of them: across a ridge, where two features are equally near, a combination is b
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,11 +51,7 @@ class Law:
 
     def speed(self, distance: Array) -> Array:
         """V [m/s] without the cap of v_max; same shape."""
-        a = self.braking.max_braking
-        lag = a * self.braking.reaction_time
-        twice = 2.0 * a * np.maximum(distance - self.level, 0.0)
-        root = np.sqrt(lag * lag + twice)
-        return np.asarray(root if lag == 0.0 else twice / (lag + root))
+        return replace(self.braking, margin=0.0, max_speed=math.inf).speed(distance - self.level)
 
     def slowness(self, distance: Array) -> Array:
         """1/V [s/m], infinite where the robot cannot be; same shape."""
@@ -77,6 +74,10 @@ class Choice:
     speed: Array  # (t, 2) [m/s] at the contact
     corner: Array  # (t, 2, 3) [s/m], values of both at the corners
     ridge: Mask  # (t,), whether a combination of both may be better than the first alone
+
+    def of(self, rows: Indices) -> Choice:
+        """That of some of the triangles."""
+        return Choice(self.feature[rows], self.speed[rows], self.corner[rows], self.ridge[rows])
 
 
 def choose(law: Law, distance: Array, candidate: Indices, flow: Array) -> Choice:

@@ -69,11 +69,11 @@ def _walls(cover: Cover) -> Indices:
 
     With an end on a wall there is no telling on which side a motion sets out.
     """
-    ground, table = cover.ground, cover.ground.features.table
+    ground = cover.ground
     walls = np.flatnonzero(ground.features.walls)
     if ground.law.level > 0.0:
         return walls[:0]
-    a, b = table[walls, :2], table[walls, 2:4]
+    a, b = _ends(cover, walls)
     for end in (ground.start, ground.goal):
         if ((side_of(a, b, end) == 0) & within_ends(a, b, end)).any():
             return walls[:0]
@@ -178,10 +178,9 @@ def _touch(cover: Cover, edge: Indices, one: Indices, two: Indices) -> Mask:
 
 def _overlap(cover: Cover, ends: Array, one: int, two: int) -> bool:
     """Whether two half-lines along an edge that begin at different ends of it overlap."""
-    table = cover.ground.features.table
     share = Fraction(0)  # of the edge that is in either part
     for side in (one, two):
-        a, b = table[abs(side) - 1, :2], table[abs(side) - 1, 2:4]
+        (a,), (b,) = _ends(cover, np.array([abs(side) - 1]))
         value = [(1 if side > 0 else -1) * orientation(a, b, end) for end in ends]
         share += max(value) / (max(value) - min(value))
     return share > 1
