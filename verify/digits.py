@@ -19,8 +19,16 @@ def digits_beside(value: float, limit: float, fewest: int) -> int:
     Both finite and not subnormal. As many digits as the shortest decimal number has that names the value
     suffice, and more (up to 15) are zeros: such numbers are in the order of their floats.
     """
-    more = range(fewest, MOST)
-    return next((n for n in more if tells_side(Decimal(f"{value:.{n - 1}e}"), value, limit)), MOST)
+    # The float and the decimal number that names it may round to different digits: either may be shown.
+    names = (value, written(value))
+    return next(
+        (
+            n
+            for n in range(fewest, MOST)
+            if all(tells_side(Decimal(f"{name:.{n - 1}e}"), value, limit) for name in names)
+        ),
+        MOST,
+    )
 
 
 def beside(value: float, limit: float, digits: int) -> str:
