@@ -10,6 +10,8 @@ from vnav_drake.vc_method.cells import (
     decompose,
 )
 from vnav_drake.vc_method.critical import MAXIMUM, SADDLE, CriticalPoints, critical_points
+from vnav_drake.vc_method.planner import VcResult, as_plan, plan_vc_method, vc_method
+from vnav_drake.vc_method.realise import Realisation, realise
 from vnav_drake.vc_method.search import CellRoute, search
 from vnav_drake.vc_method.topology import euler_characteristic, free_components
 
@@ -22,13 +24,19 @@ __all__ = [
     "CellRoute",
     "CriticalPoints",
     "HorizontalPartition",
+    "Realisation",
     "Stack",
+    "VcResult",
     "VerticalPartition",
+    "as_plan",
     "build_adjacency",
     "critical_points",
     "decompose",
     "euler_characteristic",
     "free_components",
+    "plan_vc_method",
     "published_cost",
+    "realise",
     "search",
+    "vc_method",
 ]
