@@ -1,4 +1,4 @@
-"""Two large worlds, the same for a seed on every machine: a hall of boxes and a field of hexagons.
+"""Large worlds, the same for a seed on every machine: a hall of boxes, and fields of hexagons of any size.
 
 In both a robot can get from start to goal with `ROOM` to spare on either side: a layout where it cannot is
 drawn again.
@@ -27,7 +27,6 @@ HALL = 40.0  # [m], side of the hall of boxes
 LONGEST = 5.0  # [m], side of a box
 HEXAGONS = 266  # with the four corners of the field 6 * 266 + 4 = 1,600 vertices
 PITCH = 3.0  # [m] between hexagons
-ROW = 17  # hexagons in a row, at most
 EDGE = 0.05  # [m] that obstacles stay away from the boundary
 CORNER = 1.5  # [m] from both sides of a corner: where start and goal should be
 
@@ -48,26 +47,28 @@ def hall_of_boxes(seed: int = 0, *, radius: float = 0.3) -> Problem:
     return _drawn(f"seed {seed}: hall of boxes", HALL, radius, lambda: [_box(rng) for _ in range(BOXES)])
 
 
-def field_of_hexagons(seed: int = 0, *, radius: float = 0.2) -> Problem:
+def field_of_hexagons(seed: int = 0, *, radius: float = 0.2, hexagons: int = HEXAGONS) -> Problem:
     """1,600 vertices: 266 irregular hexagons, convex or not, one in each cell of a grid with 3 m pitch.
 
     Parameters
     ----------
     seed : of the layout.
     radius : of the robot [m].
+    hexagons : how many; neighbours may overlap, so that vertices are about 6 each, and 4.
 
     Raises
     ------
     ValueError : no layout was found in which the robot gets from start to goal.
     """
     rng = np.random.default_rng([seed, 2])
-    cell = np.stack(np.divmod(np.arange(HEXAGONS), ROW), axis=1)
-    side = PITCH * ROW + 1.0
+    row = math.isqrt(hexagons - 1) + 1
+    cell = np.stack(np.divmod(np.arange(hexagons), row), axis=1)
+    side = PITCH * row + 1.0
 
     def rings() -> list[Array]:
-        center = PITCH * (cell + 0.5) + 0.5 + rng.uniform(-0.4, 0.4, (HEXAGONS, 2))
-        angle = 2.0 * math.pi * np.arange(6) / 6.0 + rng.uniform(0.0, 1.0, (HEXAGONS, 1))
-        reach = rng.uniform(0.3, 1.5, (HEXAGONS, 6, 1))
+        center = PITCH * (cell + 0.5) + 0.5 + rng.uniform(-0.4, 0.4, (hexagons, 2))
+        angle = 2.0 * math.pi * np.arange(6) / 6.0 + rng.uniform(0.0, 1.0, (hexagons, 1))
+        reach = rng.uniform(0.3, 1.5, (hexagons, 6, 1))
         corners = center[:, None] + reach * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         return list(np.clip(corners, EDGE, side - EDGE))
 
