@@ -15,7 +15,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from vnav_drake.problem import NoPathError
-from vnav_drake.scenario import ScenarioError, load_scenario, parse_scenario, scenario_schema
+from vnav_drake.scenario import DwaSettings, ScenarioError, load_scenario, parse_scenario, scenario_schema
 from vnav_drake.scenario_file import read_document
 
 ROOT = Path(__file__).parents[1]
@@ -198,6 +198,8 @@ def test_left_out_keys_take_the_documented_defaults():
     assert scenario.plan.effort == "full"
     assert scenario.plan.methods == ("speed_graph",)
     assert (scenario.plan.graph, scenario.plan.through) == ("sampled", ())
+    assert scenario.plan.edge_cost == "realised"
+    assert scenario.plan.dwa == DwaSettings(weights=(1.0, 1.0, 1.0), window=1.0, step=None)
     assert scenario.named_gates == frozenset()
     assert scenario.gates == {
         "analytic_gap": 0.01,
@@ -350,6 +352,13 @@ def test_a_way_through_gates_is_kept_in_its_order():
     ).plan
     assert plan.through == ("O4/O6", "O3/O4")
     assert plan.graph == "published"
+
+
+def test_the_methods_of_chapter_two_have_settings():
+    text = "plan: {methods: [vc_method, dwa], edge_cost: published, dwa: {weights: [2, 0, 0.5], step: 0.25}}"
+    plan = small("start:", f"{text}\nstart:").plan
+    assert plan.edge_cost == "published"
+    assert plan.dwa == DwaSettings(weights=(2.0, 0.0, 0.5), window=1.0, step=0.25)
 
 
 def test_reference_page_explains_every_key():

@@ -24,6 +24,7 @@ from vnav_drake.scenario_file import Document, Fault, ScenarioError, read_bytes,
 from vnav_drake.scenario_spec import EndSpec, ScenarioSpec, scenario_schema
 
 __all__ = [
+    "DwaSettings",
     "PlanSettings",
     "Scenario",
     "ScenarioError",
@@ -35,6 +36,15 @@ __all__ = [
 
 
 @dataclass(frozen=True, kw_only=True)
+class DwaSettings:
+    """The dynamic window approach."""
+
+    weights: tuple[float, float, float] = (1.0, 1.0, 1.0)  # of heading, free way and speed
+    window: float = 1.0  # [s]
+    step: float | None = None  # [s], the method's own when None
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlanSettings:
     """What plans are made."""
 
@@ -43,6 +53,8 @@ class PlanSettings:
     effort: Literal["quick", "full"]
     graph: Literal["sampled", "published"] = "sampled"
     through: tuple[str, ...] = ()  # gates to pass, in this order
+    edge_cost: Literal["realised", "published"] = "realised"
+    dwa: DwaSettings = DwaSettings()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,6 +126,8 @@ def _build(data: bytes, where: str, source: Path | None) -> Scenario:
         effort=spec.plan.effort,
         graph=spec.plan.graph,
         through=spec.plan.through,
+        edge_cost=spec.plan.edge_cost,
+        dwa=DwaSettings(weights=spec.plan.dwa.weights, window=spec.plan.dwa.window, step=spec.plan.dwa.step),
     )
     return Scenario(
         name=spec.name,

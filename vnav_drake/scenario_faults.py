@@ -69,7 +69,7 @@ def _fault(detail: ErrorDetails, schema: Mapping[str, Any]) -> Fault:
         return Fault(path, _unknown_key(path, schema))
     if detail["type"] == "missing":
         if path and isinstance(path[-1], int):
-            return Fault(path[:-1], "must be a pair [x, y] of numbers")
+            return Fault(path[:-1], f"must be {_kind(_rule_at(schema, path[:-1]))}")
         return Fault(path, _sentence(f"is missing; expected {_kind(rule)}", rule))
     return Fault(path, _sentence(_expected(detail, rule), rule))
 
@@ -115,8 +115,8 @@ def _length(detail: ErrorDetails, rule: Mapping[str, Any]) -> str:
         return f"must have at most {bounds['max_length']} characters"
     if detail["type"] not in {"too_short", "too_long"}:
         return ""
-    if rule.get("maxItems") == 2:
-        return "must be a pair [x, y] of numbers"
+    if "prefixItems" in rule:
+        return f"must be {_kind(rule)}"
     least = bounds["min_length"]
     return f"must have at least {least} {'entry' if least == 1 else 'entries'}"
 
@@ -149,8 +149,9 @@ def _kind(rule: Mapping[str, Any]) -> str:
     """What sort of value a rule of the schema wants."""
     if "const" in rule or "enum" in rule:
         return _choices(rule)
-    if rule.get("maxItems") == 2:
-        return "a pair [x, y] of numbers"
+    if "prefixItems" in rule:
+        count = len(rule["prefixItems"])
+        return "a pair [x, y] of numbers" if count == 2 else f"a list of {count} numbers"
     if rule.get("type") == "object":
         required = rule.get("required", [])
         return "a mapping" + (f" with {', '.join(required)}" if required else "")

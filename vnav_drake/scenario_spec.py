@@ -119,6 +119,7 @@ Zone = Annotated[
     ),
 ]
 Method = Literal["voronoi_route", "vc_method", "speed_graph", "dwa"]
+Weight = Annotated[float, Field(ge=0.0, le=1.0e6)]
 Token = Annotated[str, Field(min_length=1, max_length=250), AfterValidator(_one_line)]
 
 
@@ -229,6 +230,37 @@ class EndSpec(_Section):
     )
 
 
+class DwaSpec(_Section):
+    """The dynamic window approach."""
+
+    weights: tuple[Weight, Weight, Weight] = Field(
+        default=(1.0, 1.0, 1.0),
+        description="Of heading, free way and speed in the objective; not all zero.",
+        strict=False,
+    )
+    window: float = _number("Time for which an arc and a speed are chosen.", "s", 1.0, ge=1.0e-3, le=100.0)
+    step: float | None = _number(
+        "Time after which it chooses again, at most the window; null: the default.", "s", None, ge=1.0e-3
+    )
+
+    @field_validator("weights")
+    @classmethod
+    def _one_counts(cls, weights: tuple[float, float, float]) -> tuple[float, float, float]:
+        if not any(weights):
+            raise PydanticCustomError("weights", "must have one weight above zero at least")
+        return weights
+
+    @field_validator("step")
+    @classmethod
+    def _within_the_window(cls, step: float | None, info: ValidationInfo) -> float | None:
+        window = info.data.get("window")
+        if step is not None and window is not None and step > window:
+            raise PydanticCustomError(
+                "step", "must be at most plan.dwa.window, {window} s", {"window": window}
+            )
+        return step
+
+
 class PlanSpec(_Section):
     """What plans are made."""
 
@@ -245,6 +277,12 @@ class PlanSpec(_Section):
         description="Plan only classes that pass these gates in this order, each named by the two "
         "obstacles it lies between: O4/O6.",
     )
+    edge_cost: Literal["realised", "published"] = Field(
+        default="realised",
+        description="What an edge of the vc-method's graph costs: the least time along it, or the formula of "
+        "Manor 2015, Sec. 2.5.",
+    )
+    dwa: DwaSpec = Field(default=DwaSpec(), description="Settings of the dynamic window approach.")
     effort: Literal["quick", "full"] = Field(default="full", description="Budget of counted work.")
 
     @field_validator("through")
