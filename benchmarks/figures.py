@@ -50,7 +50,7 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def _room(axes: Axes, problem: Problem) -> None:
+def draw_room(axes: Axes, problem: Problem) -> None:
     """Floor, obstacles and ends on a map of equal scales."""
     world = problem.world
     axes.add_patch(Polygon(np.array(world.boundary.exterior.coords), fc=FLOOR, ec=INK, lw=1.0, zorder=0))
@@ -99,7 +99,7 @@ def strips(result: SpeedGraphResult, problem: Problem) -> Figure:
     """Two proximity cells of the four-point room, on the map and as strips."""
     figure = Figure(figsize=(7.2, 3.4), layout="constrained")
     layout = figure.subplot_mosaic([["map", "wall"], ["map", "point"]], width_ratios=(1.0, 1.2))
-    _room(layout["map"], problem)
+    draw_room(layout["map"], problem)
     layout["map"].set_ylabel("y [m]")
     cells = result.sampled.strips
     radius = problem.robot.radius
@@ -135,7 +135,7 @@ def graphs(result: SpeedGraphResult, problem: Problem) -> Figure:
         (left, picked, graph.samples.point, BLUE),
         (right, used, published.point, GREEN),
     ):
-        _room(axes, problem)
+        draw_room(axes, problem)
         lines = LineCollection(list(edge_points(graph, edges, 8)), colors=colour, linewidths=0.3, zorder=2)
         lines.set_rasterized(True)
         axes.add_collection(lines)
@@ -150,7 +150,7 @@ def classes(result: SpeedGraphResult, problem: Problem) -> Figure:
     """The six best classes of the warehouse, their stretches on Voronoi arcs marked."""
     figure = Figure(figsize=(7.2, 4.8), layout="constrained")
     for axes, c in zip(figure.subplots(2, 3, sharex=True, sharey=True).flat, result.classes, strict=False):
-        _room(axes, problem)
+        draw_room(axes, problem)
         for text in list(axes.texts):
             text.remove()
         axes.plot(*c.points.T, color=BLUE, lw=1.5, zorder=4)

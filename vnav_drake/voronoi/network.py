@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+from scipy.sparse.csgraph import breadth_first_order, connected_components, dijkstra, minimum_spanning_tree
 
 from vnav_drake.problem import End, NoPathError, PlanningError, Problem
 from vnav_drake.voronoi.curves import Curves
@@ -184,3 +185,37 @@ def _matrix(ends: Indices, weight: Array, count: int) -> csr_array:
     """Symmetric adjacency matrix."""
     rows, columns = np.concatenate([ends, ends[:, ::-1]]).T
     return csr_array(coo_array((np.tile(weight, 2), (rows, columns)), shape=(count, count)))
+
+
+def shortest_route(problem: Problem, diagram: VoronoiDiagram) -> Curves:
+    """The shortest way along Voronoi arcs from start to goal, whatever time it takes.
+
+    Parameters
+    ----------
+    diagram : of the problem's world; arcs where the robot cannot move at all are left out.
+
+    Returns
+    -------
+    Curves end to end in the direction of travel, the legs from start and to goal included (by retraction);
+    none where start and goal are one point.
+
+    Raises
+    ------
+    NoPathError : start or goal has no room, or no way joins them; the message says where it is too narrow.
+    """
+    level = problem.robot.radius + problem.braking.margin
+    network = build_network(problem, diagram, level)
+    passable = np.flatnonzero(np.isfinite(network.time))
+    ends, curves = network.ends[passable], network.curves.take(passable)
+    matrix = _matrix(ends, curves.length, network.vertex_count)
+    length, before = dijkstra(matrix, indices=network.start, return_predecessors=True)
+    if not np.isfinite(length[network.goal]):
+        raise no_path(problem, diagram, network, level)
+    vertices = [network.goal]
+    while vertices[-1] != network.start:
+        vertices.append(int(before[vertices[-1]]))
+    steps = list(pairwise(vertices[::-1]))
+    piece = {frozenset(pair): i for i, pair in enumerate(ends.tolist())}
+    used = np.array([piece[frozenset(step)] for step in steps], dtype=np.int64)
+    backwards = ends[used, 0] != np.array([a for a, _ in steps], dtype=np.int64)
+    return curves.take(used).reversed(backwards)
