@@ -14,7 +14,7 @@ from verify.library import check
 from vnav_drake.braking import UniformBraking
 from vnav_drake.dwa import plan_dwa
 from vnav_drake.dwa.goal import arc_to_goal, goal_curvature
-from vnav_drake.dwa.objective import Objective, best, top_speed
+from vnav_drake.dwa.objective import Objective, best, half_turn, top_speed
 from vnav_drake.dwa.window import (
     Arcs,
     choices,
@@ -352,6 +352,32 @@ def test_the_terms_of_the_objective_lie_between_zero_and_one_and_are_those_of_th
     assert values[1] == pytest.approx([19.7 / 20, 19.7 / 20], abs=1e-4)  # up to the contact tolerance
     assert values[2] == pytest.approx([0.25, 0.25])
     assert values[3] == pytest.approx(2 * values[0] + 3 * values[1] + 4 * values[2])
+
+
+def test_half_a_turn_of_a_circle_counts_as_its_free_way():
+    # Half a circle of curvature k is pi / |k| long. Radius 0.3 m at (20, 5) of the hall: circles of radius
+    # 2 m meet nothing, so that 2 pi of 20 m count; straight ahead it is 19.7 m to the end wall.
+    assert half_turn(np.array([0.5, -0.25, 0.0])) == pytest.approx([2 * math.pi, 4 * math.pi, math.inf])
+    problem = problem_in(World.build(HALL))
+    arcs = Arcs(np.array([20.0, 5.0]), np.zeros(3), np.array([0.0, 0.5, -0.5]))
+    options = choices(problem, arcs, 1.0, np.array([1.0]), 1.0)
+    objective = Objective(weights=(0.0, 1.0, 0.0), goal=np.array([39.0, 5.0]), top_speed=4.0, look=20.0)
+    values = objective.values(problem, options)[0]
+    assert values == pytest.approx([19.7 / 20, 2 * math.pi / 20, 2 * math.pi / 20], abs=1e-4)
+
+
+@pytest.mark.parametrize("step", [None, 0.5, 0.25, 0.1])
+def test_towards_a_goal_in_sight_the_robot_does_not_circle(step):
+    # Nothing stands in the way of 6 m in a room of 50 x 40 m: whoever turns by less than half a turn
+    # altogether, left and right, comes nearer all the time.
+    hall_case = scenario(
+        world={"boundary": [[-20, 0], [30, 0], [30, 40], [-20, 40]]},
+        start={"position": [0.0, 1.0]},
+        goal={"position": [6.0, 2.0]},
+    )
+    run = drive(hall_case, step=step)
+    assert run.reached
+    assert np.abs(np.diff(run.trajectory.heading)).sum() < math.pi
 
 
 def test_the_first_of_equal_choices_is_taken():

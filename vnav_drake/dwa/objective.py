@@ -26,10 +26,16 @@ class Objective:
     * head = 1 - |theta|/pi, theta the angle from the robot's heading to the goal, both taken where the
       robot comes to rest when it brakes with all its strength after the window (as they do);
     * dist = the length of the arc until contact, over `look`, 1 where that is not less (their large
-      constant for arcs that meet nothing);
+      constant for arcs that meet nothing); of a circle half a turn counts at most, see Notes;
     * vel = speed at the end of the window over `top_speed`.
 
     Their smoothing over neighbouring choices is left out, as in the source's G.
+
+    Notes
+    -----
+    A small circle meets nothing, so that its free way has no end, though after half a turn it leads back.
+    Fox, Burgard and Thrun weigh dist with a tenth of head, where that does no harm. With equal weights
+    tight circles would be worth as much as the freest way, and the robot would go round in them.
     """
 
     weights: tuple[float, float, float]  # alpha, beta, gamma
@@ -46,10 +52,17 @@ class Objective:
         open_arcs = np.flatnonzero(options.admissible.any(axis=0))
         free = np.zeros(len(options.arcs.curvature))
         free[open_arcs] = free_length(problem, options.arcs.take(open_arcs), self.look)
+        free = np.minimum(free, half_turn(options.arcs.curvature))
         alpha, beta, gamma = self.weights
         total = alpha * (1.0 - deviation / math.pi)
         total = total + beta * free / self.look + gamma * options.speed / self.top_speed
         return np.where(options.admissible, total, -math.inf)
+
+
+def half_turn(curvature: Array) -> Array:
+    """Length [m] of half a circle of each curvature [1/m]; infinite where it is zero. Same shape."""
+    bend = np.abs(curvature)
+    return np.divide(math.pi, bend, out=np.full(bend.shape, math.inf), where=bend > 0.0)
 
 
 def best(values: Array) -> tuple[int, ...] | None:

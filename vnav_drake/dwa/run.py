@@ -147,9 +147,9 @@ def plan_dwa(
     -----
     Differences from the published method, all of which the robot or the comparison demand: arcs are
     those of a steered robot, curvature and not angular velocity is chosen; the braking condition holds
-    all along the arc (see `choices`); near the goal, the fastest motion along the arc that ends there
-    exactly is taken as soon as it is safe. A start without heading takes the heading of the best first
-    choice. Nothing is random.
+    all along the arc (see `choices`); of a circle half a turn counts as free way (see `Objective`); near
+    the goal, the fastest motion along the arc that ends there exactly is taken as soon as it is safe. A
+    start without heading takes the heading of the best first choice. Nothing is random.
     """
     begin = clock.perf_counter()
     replan = window if step is None else step
