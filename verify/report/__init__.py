@@ -1,6 +1,6 @@
 """The report: one self-contained HTML page a scenario, and an index of all of them."""
 
-from verify.report.drawings import ClassDrawing, GraphDrawing, SpeedGraphDrawing
+from verify.report.drawings import ClassDrawing, GraphDrawing, SpeedGraphDrawing, VcDrawing
 from verify.report.index import write_index
 from verify.report.page import ReportExtras, write_report
 
@@ -9,6 +9,7 @@ __all__ = [
     "GraphDrawing",
     "ReportExtras",
     "SpeedGraphDrawing",
+    "VcDrawing",
     "write_index",
     "write_report",
 ]

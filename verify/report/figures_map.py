@@ -46,6 +46,7 @@ class MapData:
     arcs: Sequence[Array]  # Voronoi arcs, (n, 2) [m] each
     others: Sequence[tuple[str, Trajectory]]  # (method, motion) drawn as lines
     executed: Trajectory | None  # drawn with its speed as colour
+    stuck: Sequence[tuple[str, tuple[float, float]]] = ()  # (method, place [m]) of runs that gave up
     strayed: SimulatedRun | None = None  # where the simulated vehicle drove, when it did not follow
 
 
@@ -64,6 +65,7 @@ def draw_map(data: MapData) -> Picture:
             if data.executed is not None
             else "and no executed path."
         )
+        + "".join(f" {method(name).label} got stuck where the crossed ring is." for name, _ in data.stuck)
         + (" The simulated vehicle left it: its track is drawn on top." if data.strayed is not None else ""),
     }
     with drawing_style():
@@ -114,8 +116,21 @@ def _draw(data: MapData, described: dict[str, str], *, narrow: bool) -> Markup:
         look = method("simulation")
         track = thinned_path(data.strayed.x, data.strayed.y, size)
         axes.plot(*track, color=look.light, lw=1.8, ls=look.dash, dash_capstyle="butt")
+    for name, place in data.stuck:
+        _stuck(axes, name, place)
     draw_ends(axes, data.problem, data.executed)
     return to_svg(figure, **described)
+
+
+def _stuck(axes: Axes, name: str, place: tuple[float, float]) -> None:
+    look = method(name)
+    axes.plot(*place, "o", ms=13, mfc=PAPER.light, mec=look.text, mew=2.0, zorder=6)
+    axes.plot(*place, "X", ms=8, mfc=look.light, mec=INK.light, mew=0.8, zorder=6)
+    text = axes.annotate(
+        "stuck", place, (0, -10), textcoords="offset points", ha="center", va="top", weight="bold", zorder=6,
+        color=look.text,
+    )  # fmt: skip
+    halo(text)
 
 
 def _line(axes: Axes, name: str, motion: Trajectory, size: float, width: float) -> None:

@@ -13,9 +13,10 @@ import numpy as np
 from verify.report import story
 from verify.report.answer import answer
 from verify.report.bound import BoundMesh, read_bound
-from verify.report.drawings import SpeedGraphDrawing
+from verify.report.drawings import SpeedGraphDrawing, VcDrawing
 from verify.report.evidence import Evidence, read_evidence
 from verify.report.figures_bound import draw_closing
+from verify.report.figures_cells import draw_cells
 from verify.report.figures_classes import draw_class_map, draw_class_speeds, draw_newton
 from verify.report.figures_graph import draw_graphs
 from verify.report.figures_map import MapData, draw_map
@@ -23,14 +24,18 @@ from verify.report.figures_margins import MarginsData, draw_margins
 from verify.report.figures_mesh import MeshData, draw_mesh
 from verify.report.figures_motion import FrictionData, SpeedData, draw_friction, draw_speed_curve
 from verify.report.figures_potential import Way, draw_potential, draw_slack
+from verify.report.figures_space import draw_space
 from verify.report.figures_time import BracketData, BracketRow, draw_bracket
 from verify.report.figures_tracking import TrackingData, draw_tracking
+from verify.report.figures_unfolded import draw_unfolded
 from verify.report.html import render, write_whole
 from verify.report.numbers import duration, number_in, significant
 from verify.report.palette import METHODS, method
 from verify.report.series import margins, mesh_of
 from verify.report.story_bound import BoundStory, bound_story, closing, full_bound, upper
 from verify.report.story_classes import analytic_row, class_rows, graph_words
+from verify.report.story_seeds import seed_story
+from verify.report.story_vc import vc_story
 from verify.report.svg import Picture
 from verify.report.wording import GLOSSARY, VERDICTS
 from vnav_drake.plan import Trajectory
@@ -54,6 +59,7 @@ class ReportExtras:
     history: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
     timings: Mapping[str, float] = field(default_factory=dict)  # stage -> [s]
     speed_graph: SpeedGraphDrawing = field(default_factory=SpeedGraphDrawing)
+    vc_method: VcDrawing | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,8 +119,14 @@ def write_report(
         graph_words=graph_words(result),
         through=scenario.plan.through,
         **_class_sections(problem, extras.speed_graph),
+        has_vc=extras.vc_method is not None
+        or bool(story.mapping(story.mapping(result, "plans"), "vc_method")),
+        vc=vc_story(result),
+        **_vc_sections(problem, extras.vc_method),
+        seeds=seed_story(result),
+        stuck=[run.sentence for run in story.stuck_runs(result)],
         **_bound_sections(problem, result, evidence, folder),
-        map=_map(problem, evidence, extras, strayed=story.strayed(result)),
+        map=_map(problem, result, evidence, extras),
         map_lines=[method(name) for name, _ in _map_lines(evidence)]
         + ([method("simulation")] if story.strayed(result) and evidence.simulation is not None else []),
         has_arcs=extras.diagram is not None or bool(extras.voronoi_polylines),
@@ -179,7 +191,7 @@ def _map_lines(evidence: Evidence) -> list[tuple[str, Trajectory]]:
     return [(name, motion) for name, motion in evidence.plans.items() if name != evidence.executed_plan]
 
 
-def _map(problem: Problem, evidence: Evidence, extras: ReportExtras, *, strayed: bool) -> Section:
+def _map(problem: Problem, result: Mapping[str, Any], evidence: Evidence, extras: ReportExtras) -> Section:
     if extras.diagram is not None:
         arcs = list(extras.diagram.polylines(problem.world.diameter * ARC_SPACING_SHARE))
     else:
@@ -190,7 +202,8 @@ def _map(problem: Problem, evidence: Evidence, extras: ReportExtras, *, strayed:
             arcs=arcs,
             others=_map_lines(evidence),
             executed=evidence.executed,
-            strayed=evidence.simulation if strayed else None,
+            stuck=[(run.method, run.place) for run in story.stuck_runs(result) if run.place is not None],
+            strayed=evidence.simulation if story.strayed(result) else None,
         )
     )
     reason = (
@@ -240,6 +253,21 @@ def _class_sections(problem: Problem, drawing: SpeedGraphDrawing) -> dict[str, S
         "class_speeds": Section(pictures=[] if speeds is None else [speeds]),
         "newton": Section(pictures=draw_newton(drawing.classes)),
         "graphs": Section(pictures=draw_graphs(problem, drawing.graphs)),
+    }
+
+
+def _vc_sections(problem: Problem, drawing: VcDrawing | None) -> dict[str, Section]:
+    if drawing is None:
+        nothing = Section(pictures=())
+        return {
+            "vc_space": Section(pictures=(), missing="The cells of the vc-method were not at hand."),
+            "vc_unfolded": nothing,
+            "vc_cells": nothing,
+        }
+    return {
+        "vc_space": Section(pictures=[draw_space(problem, drawing)]),
+        "vc_unfolded": Section(pictures=[draw_unfolded(drawing)]),
+        "vc_cells": Section(pictures=[draw_cells(problem, drawing)]),
     }
 
 

@@ -50,6 +50,8 @@ METHODS: Mapping[str, Method] = MappingProxyType(
                    light="#56b4e9", dark="#8ed2fb", text="#17699c", marker="P", dash=(0, (3, 1.5))),
             Method(key="dwa", label="Dynamic window", kind="baseline",
                    light="#c9b800", dark="#f0e442", text="#6e6400", marker="X", dash=(0, (1, 1.2))),
+            Method(key="cold_start", label="Cold start", kind="seed",
+                   light="#8a6d5a", dash=(0, (4, 2)), dark="#c7a993", text="#6b503f", marker="d"),
             Method(key="collocation", label="Variational collocation", kind="optimised",
                    light="#0072b2", dark="#4ba3e3", text="#00629a", marker="o", dash=(0, (2.2, 1.4))),
             Method(key="refined", label="Full-robot collocation", kind="optimised",

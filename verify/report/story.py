@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -26,7 +27,7 @@ from verify.report.numbers import (
 )
 from verify.report.palette import METHODS, Method, method
 from verify.report.text import label
-from verify.report.wording import CHECKS, GAPS, GATES, VERDICTS, GateWords
+from verify.report.wording import CHECKS, GAPS, GATES, STUCK, VERDICTS, GateWords
 
 Result = Mapping[str, Any]
 
@@ -196,7 +197,7 @@ def _check_row(check: Mapping[str, Any], status: str) -> CheckRow:
         status=status if status in (PASSED, FAILED, NOT_PROMISED) else NOT_EVALUATED,
         worst=with_unit(number_in(check, "worst"), label(words(check.get("unit")), LONGEST_UNIT)),
         where=_where(check.get("at")),
-        message=words(check.get("message")).removesuffix(" (not promised by the variational model)"),
+        message=re.sub(r" \(not promised by [^()]{1,60}\)$", "", words(check.get("message"))),
     )
 
 
@@ -212,7 +213,55 @@ def executed_plan(result: Result) -> str:
     """The plan whose motion is executed, "" if there is none."""
     plans = mapping(result, "plans")
     best = (words(result.get("executed")), "refined", "collocation", "speed_graph", "voronoi_route")
-    return next((name for name in best if number_in(plans, name, "travel_time") is not None), "")
+    return next(
+        (n for n in best if number_in(plans, n, "travel_time") is not None and not is_stuck(result, n)), ""
+    )
+
+
+def is_stuck(result: Result, name: str) -> bool:
+    """Whether a plan never reached the goal: then it has no travel time."""
+    return mapping(mapping(result, "plans"), name).get("reached") is False
+
+
+@dataclass(frozen=True, kw_only=True)
+class StuckRun:
+    """A run that did not reach the goal."""
+
+    method: str
+    sentence: str
+    place: tuple[float, float] | None  # [m]
+
+
+def stuck_runs(result: Result) -> list[StuckRun]:
+    """The plans that never reached the goal: why, when and where they gave up."""
+    runs = []
+    for name in (
+        name for name in mapping(result, "plans") if isinstance(name, str) and is_stuck(result, name)
+    ):
+        plan = mapping(mapping(result, "plans"), name)
+        told = mapping(plan, "stuck")
+        reason = words(told.get("reason"))
+        at = told.get("place")
+        x, y = at if isinstance(at, list | tuple) and len(at) == 2 else (None, None)
+        place = (number_in({"x": x}, "x"), number_in({"y": y}, "y"))
+        time = number_in(told, "time")
+        parts = [f"{method(name).label} got stuck and did not reach the goal"]
+        if time is not None:
+            parts.append(f"after {seconds(time)}")
+        spot = None if place[0] is None or place[1] is None else (place[0], place[1])
+        if spot is not None:
+            parts.append(f"at ({spot[0]:.2f}, {spot[1]:.2f})\u00a0m".replace("-", "−"))
+        left = number_in(plan, "goal_distance")
+        if left is not None:
+            parts.append(f"{metres(left)} from the goal")
+        why = [STUCK.get(reason, reason.replace("_", " ")), words(told.get("message"))]
+        text = (
+            ", ".join(parts)
+            + "".join(f": {w}" for w in why[:1] if w)
+            + "".join(f" ({w})" for w in why[1:] if w)
+        )
+        runs.append(StuckRun(method=name, sentence=text + ".", place=spot))
+    return runs
 
 
 def reference_plan(result: Result) -> str:
@@ -229,7 +278,7 @@ def travel_times(result: Result) -> dict[str, float]:
     found["simulation"] = number_in(result, "simulation", "travel_time")
     order = {name: i for i, name in enumerate(METHODS)}
     names = sorted(found, key=lambda name: (order.get(name, len(order) - 1.5), name))
-    return {name: time for name in names if (time := found[name]) is not None}
+    return {name: time for name in names if (time := found[name]) is not None and not is_stuck(result, name)}
 
 
 def time_rows(result: Result) -> list[TimeRow]:
@@ -263,7 +312,23 @@ def time_rows(result: Result) -> list[TimeRow]:
                 executed=name == executed_plan(result),
             )
         )
-    return rows
+    return rows + [_stuck_row(result, run.method) for run in stuck_runs(result)]
+
+
+def _stuck_row(result: Result, name: str) -> TimeRow:
+    facts = mapping(mapping(result, "plans"), name)
+    return TimeRow(
+        look=method(name),
+        model=words(facts.get("model")).replace("_", " ") or DASH,
+        travel_time="stuck",
+        above="no time",
+        length=f"{metres(number_in(facts, 'length'))} so far",
+        solver=DASH,
+        intervals=DASH,
+        iterations=DASH,
+        compute_time=duration(number_in(facts, "compute_time")),
+        executed=False,
+    )
 
 
 def key_figures(result: Result, evidence: Evidence) -> list[KeyFigure]:

@@ -106,6 +106,17 @@ STOPPED: Mapping[str, str] = MappingProxyType(
     }
 )
 
+# Why a run gave up on its way, by the words in result.json.
+STUCK: Mapping[str, str] = MappingProxyType(
+    {
+        "no_admissible_arc": "no arc lets it stop safely",
+        "standing": "it stands",
+        "oscillation": "it goes round in circles",
+        "no_progress": "it comes no nearer to the goal",
+        "too_many_decisions": "it ran out of decisions",
+    }
+)
+
 # Conditions that make the path of a class its certified optimum, by the names in result.json.
 CONDITIONS: Mapping[str, str] = MappingProxyType(
     {
@@ -152,6 +163,51 @@ GLOSSARY: tuple[tuple[str, str, str], ...] = (
         "Points on the borders of the proximity cells, joined by the fastest safe paths within a cell; its "
         "best paths in different classes are then refined to their optima.",
         f"{THESIS}, Ch. 3, Definition 15",
+    ),
+    (
+        "Position-velocity space",
+        "Places of the robot with its speed v as height. Its free part F^v lies below the roof v = V(d).",
+        f"{THESIS}, Sec. 2.3",
+    ),
+    (
+        "vc-obstacle",
+        "Places and speeds from which the robot cannot stop before an obstacle: a column, wider higher up.",
+        f"{THESIS}, Definition 5",
+    ),
+    (
+        "Critical points",
+        "Type I, saddles: the lowest points of the roof along a Voronoi arc, where two vc-obstacles first "
+        "touch. Type II, maxima: peaks of the roof at Voronoi nodes, where three first touch.",
+        f"{THESIS}, Theorem 1 and Prop. 2.4.1; plateaus count as one point",
+    ),
+    (
+        "Stack of cells",
+        "The part of F^v around one maximum, parted from the next by vertical partitions through the saddles, "
+        "and cut into cells by horizontal partitions at the heights of its critical points.",
+        f"{THESIS}, Definitions 6 to 8",
+    ),
+    (
+        "Type A and Type B edges",
+        "Edges of the graph of cells: Type A lead through a saddle to the next stack, along a Voronoi arc; "
+        "Type B lead up and down within a stack and cost nothing.",
+        f"{THESIS}, Sec. 2.5",
+    ),
+    (
+        "Published and realised cost",
+        "Of a Type A edge. Published: speed lost and won at the limits, which ignores the length of the arc. "
+        "Realised: the least time along the arc under V(d), a_max and a_b.",
+        f"{THESIS}, Sec. 2.5; the realised one derived",
+    ),
+    (
+        "Dynamic window approach",
+        "A baseline that looks a second ahead: of the arcs and speeds within reach it drives the one that "
+        "does best in heading, clearance and speed, as long as it can stop on it. It may get stuck.",
+        "Fox, Burgard and Thrun 1997, IEEE Robot. Autom. Mag. 4(1); Brock and Khatib 1999, ICRA",
+    ),
+    (
+        "Cold start",
+        "A collocation that starts from the straight line from start to goal, whatever stands in the way.",
+        "for comparison with seeds from the other methods",
     ),
     (
         "Homotopy class",
