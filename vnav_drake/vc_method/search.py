@@ -14,7 +14,7 @@ from vnav_drake.vc_method.adjacency import AdjacencyGraph
 from vnav_drake.vc_method.cells import CellDecomposition
 from vnav_drake.vc_method.profile import arc_minimum_time
 from vnav_drake.voronoi import Curves
-from vnav_drake.voronoi.legs import retraction
+from vnav_drake.voronoi.legs import NEAR, retraction
 from vnav_drake.voronoi.network import build_network, demand_room, no_path
 
 Array = NDArray[np.float64]
@@ -315,10 +315,25 @@ def _joined(
     arcs = d.slopes.curves.take(np.array(slopes, dtype=np.int64))
     arcs = arcs.cut(np.array([(a, b) for _, a, b in steps]).reshape(-1, 2))
     turned = [leg.reversed(np.ones(len(leg), dtype=bool)) for leg in after]
+    if before and turned and not steps:
+        before, turned = [_without_spur(before[0], turned[0])], []
     parts = [*before, arcs, *turned]
     borders = np.array([border for border, _, _ in steps], dtype=np.int64)
-    legs = [np.full(sum(len(leg) for leg in part), -1) for part in (before, after)]
+    legs = [np.full(sum(len(leg) for leg in part), -1) for part in (before, turned)]
     return Curves.join(parts), np.concatenate([legs[0], borders, legs[1]])
+
+
+def _without_spur(out: Curves, back: Curves) -> Curves:
+    """Two straight legs that meet at the arcs; where one leads back along the other only what differs."""
+    if len(out) != 1 or len(back) != 1:
+        return Curves.join([out, back])
+    reach = float(min(out.length[0], back.length[0]))
+    aside = np.hypot(*(out.points(out.span[:, 1] - reach) - back.points(back.span[:, 0] - reach))[0])
+    if aside > NEAR:
+        return Curves.join([out, back])
+    if out.length[0] > back.length[0]:
+        return out.cut(out.span - [[0.0, reach]])
+    return back.cut(back.span - [[reach, 0.0]])
 
 
 def _time(problem: Problem, chains: list[Curves], start: list[float], end: list[float]) -> Array:
