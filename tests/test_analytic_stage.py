@@ -54,15 +54,15 @@ def test_a_speed_graph_that_fails_is_missed_and_the_routes_seed_instead(tmp_path
     assert outcome.exit_code == 3
     assert [(m.stage, m.reason) for m in outcome.missing] == [("speed_graph", "a leg could not be solved")]
     assert set(outcome.result["plans"]) == {"voronoi_route", "collocation", "refined"}
-    assert {row["method"] for row in outcome.result["plans"]["collocation"]["seeds"]} == {"voronoi_route"}
+    seeds = outcome.result["plans"]["collocation"]["seeds"]
+    assert {row["method"] for row in seeds} == {"voronoi_route", "cold_start"}
     assert outcome.judgement.verdict != "failed"
     assert "a leg could not be solved" in outcome.report.read_text()
 
 
 def test_routes_seed_when_nothing_that_is_asked_for_does(tmp_path):
     outcome = run_scenario(room(methods=["dwa"]), tmp_path)
-    assert set(outcome.result["plans"]) == {"voronoi_route", "collocation", "refined"}
-    assert [entry["method"] for entry in outcome.result["not_available"]] == ["dwa"]
+    assert set(outcome.result["plans"]) == {"voronoi_route", "dwa", "collocation", "refined"}
 
 
 def test_every_plan_and_every_seed_has_the_name_of_its_class(tmp_path):

@@ -202,18 +202,21 @@ def test_evidence_too_large_to_judge_exits_3(tmp_path, capsys, monkeypatch):
     assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_methods_without_a_stage_are_named_and_change_no_exit_code(tmp_path, capsys):
-    plan = {"effort": "quick", "methods": ["dwa", "voronoi_route", "vc_method"]}
+def test_methods_of_chapter_two_are_planned_judged_and_reported(tmp_path, capsys):
+    plan = {"effort": "quick", "methods": ["dwa", "vc_method"]}
     out = tmp_path / "out"
-    assert main([str(write(tmp_path, plan=plan)), "--out", str(out), "--verbose"]) == 0
-    text = capsys.readouterr().out
+    assert main([str(write(tmp_path, plan=plan)), "--out", str(out)]) == 0
+    line = capsys.readouterr().out
     result = json.loads((out / NAMES / "result.json").read_text())
-    assert [entry["method"] for entry in result["not_available"]] == ["dwa", "vc_method"]
-    assert "voronoi_route" in result["plans"]
-    report = (out / NAMES / "report.html").read_text()
-    for entry in result["not_available"]:
-        assert f"not available {entry['method']}: {entry['reason']}" in text
-        assert entry["reason"] in report
+    plans = result["plans"]
+    assert {"vc_method", "dwa", "collocation", "refined"} <= set(plans)
+    assert "voronoi_route" not in plans  # the vc-method seeds
+    assert plans["dwa"]["reached"] is True
+    for name in ("vc_method", "dwa"):
+        assert f"{name} {plans[name]['travel_time']:.3f} s" in line
+        assert plans[name]["travel_time"] >= plans["collocation"]["travel_time"]
+    methods = [row["method"] for row in plans["collocation"]["comparison"]]
+    assert methods == ["vc_method", "cold_start"]
     assert main(["check", str(out / NAMES)]) == 0
 
 

@@ -25,6 +25,7 @@ NAMES = [
     "four_point_room",
     "single_point",
     "single_wall",
+    "two_room_office",
     "warehouse",
     "warehouse_gaps",
     "warehouse_rest",

@@ -114,8 +114,6 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, progress: Progress
     judgement = outcome.judgement
     missing = tuple(f"{item.stage}: {item.reason}" for item in outcome.missing)
     lines = [f"missing {entry}" for entry in missing]
-    if options.verbose:
-        lines += [f"not available {entry['method']}: {entry['reason']}" for entry in outcome.not_available]
     lines += details(judgement) if options.verbose else failures(judgement)
     with progress.paused():
         if outcome.exit_code != OK or not options.quiet:

@@ -21,7 +21,8 @@ def optimum_to_execute(scenario: Scenario, plans: Mapping[str, Plan]) -> Plan | 
     optimum = plans.get("speed_graph", plans.get("collocation"))
     if optimum is None:
         return None
-    if any(plan.travel_time * (1.0 + SAME_TIME) < optimum.travel_time for plan in plans.values()):
+    arrived = [plan for plan in plans.values() if plan.details.get("reached", True)]
+    if any(plan.travel_time * (1.0 + SAME_TIME) < optimum.travel_time for plan in arrived):
         return None
     passes = all(found.status == "passed" for found in check(scenario, optimum))
     return optimum if passes else None

@@ -32,8 +32,9 @@ MAX_BYTES = 128 * 1024 * 1024  # of one file: ten times the largest we write
 
 MODEL_OF_PLAN: Mapping[str, str] = {
     "voronoi_route": "variational",
-    "vc_method": "variational",
+    "vc_method": "full",
     "speed_graph": "variational",
+    "dwa": "full",
     "collocation": "variational",
     "refined": "full",
 }

@@ -21,10 +21,12 @@ from verify.exit_codes import FAILED, OK, UNFINISHED
 from verify.interruption import Interruption
 from verify.judge import Judgement, judge
 from verify.report import ReportExtras, SpeedGraphDrawing, write_report
-from verify.seeding import route_seeds, with_times
+from verify.seeding import cold_start, compare_seeds, route_seeds, with_times
 from verify.stages import Missing, Progress, Say, Stages
+from verify.vc import run_vc_method
 from verify.versions import versions
 from vnav_drake.collocation import Seed, plan_full, plan_variational
+from vnav_drake.dwa import plan_dwa
 from vnav_drake.homotopy import Gates, build_gates, class_of
 from vnav_drake.plan import Plan
 from vnav_drake.scenario import Scenario
@@ -32,13 +34,10 @@ from vnav_drake.voronoi import VoronoiDiagram, build_diagram
 from vnav_drake.voronoi_route import plan_voronoi_route
 
 # Facts about a plan that the judge states, so the method's own word for them is not needed.
-_JUDGED = frozenset({"travel_time", "length", "model", "feasible", "violations", "unpromised"})
+_JUDGED = frozenset({"reached", "travel_time", "length", "model", "feasible", "violations", "unpromised"})
 
 
-SEEDING = ("speed_graph", "voronoi_route")  # methods that seed the collocation, in their order
-# Methods that a scenario may ask for and that no stage of this version carries out.
-ABSENT_METHODS = ("vc_method", "dwa")
-ABSENT = "this version has no such stage; what is reported is found without it"
+SEEDING = ("speed_graph", "vc_method", "voronoi_route")  # methods that seed the collocation, in their order
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +48,6 @@ class Outcome:
     result: Mapping[str, Any]
     report: FilePath
     missing: tuple[Missing, ...]
-    # Methods asked for that have no stage, each with `method` and `reason`; the exit code is as without them.
-    not_available: tuple[Mapping[str, str], ...] = ()
 
     @property
     def unfinished(self) -> tuple[Missing, ...]:
@@ -115,9 +112,6 @@ def _fill(
         _execute_refined(stages)
         judgement = _judged(stages, folder.work, overrides)
     result = _result(judgement, done, overrides)
-    result["not_available"] = [
-        {"method": name, "reason": ABSENT} for name in scenario.plan.methods if name in ABSENT_METHODS
-    ]
     say(f"{scenario.name}: writing the report")
     write_report(
         folder.work / evidence.REPORT,
@@ -134,7 +128,6 @@ def _fill(
         result=result,
         report=folder.final / evidence.REPORT,
         missing=tuple(done.missing),
-        not_available=tuple(result["not_available"]),
     )
 
 
@@ -156,6 +149,8 @@ def _plan(stages: Stages, overrides: Mapping[str, float]) -> None:
     if not seeds:
         stages.skip("collocation", "a seed")
         stages.skip("refined", "a seed")
+    if "dwa" in scenario.plan.methods:
+        done.keep(stages.run("dwa", lambda: _dwa(scenario)))
     told = stages.told("lower bound")
     done.bound = stages.run(
         "lower_bound", lambda: run_lower_bound(scenario, done.plans, overrides, told), only_for=GATE
@@ -211,9 +206,9 @@ def _judged(stages: Stages, folder: FilePath, overrides: Mapping[str, float]) ->
 
 
 def _seeds(stages: Stages, diagram: VoronoiDiagram, gates: Gates) -> list[Seed]:
-    """A seed for each class of the speed graph and each route along Voronoi arcs, as far as asked for.
+    """A seed for each class of the speed graph, the vc-method's way, and each route along Voronoi arcs.
 
-    Where neither gives one, the routes step in: something must seed the rest.
+    As far as asked for; where none gives one, the routes step in: something must seed the rest.
     """
     done, problem, settings = stages.done, stages.scenario.problem, stages.scenario.plan
     seeds: list[Seed] = []
@@ -224,6 +219,11 @@ def _seeds(stages: Stages, diagram: VoronoiDiagram, gates: Gates) -> list[Seed]:
             done.analytic = found
             done.keep(found.plan)
             seeds += found.seeds
+    if "vc_method" in settings.methods:
+        vc = done.vc = stages.run("vc_method", lambda: run_vc_method(problem, diagram, gates, settings))
+        if vc is not None:
+            done.keep(vc.plan)
+            seeds += [] if vc.seed is None else [vc.seed]
     if "voronoi_route" in settings.methods or not seeds:
         route = done.keep(stages.run("voronoi_route", lambda: plan_voronoi_route(problem, diagram)))
         if route is not None:
@@ -235,20 +235,38 @@ def _seeds(stages: Stages, diagram: VoronoiDiagram, gates: Gates) -> list[Seed]:
 
 
 def _optimise(stages: Stages, seeds: Sequence[Seed], gates: Gates) -> None:
-    """The collocation of both models, where there are seeds."""
+    """The collocation of both models, where there are seeds; a cold start where any way will do."""
     if not seeds:
         return
-    problem, effort, done = stages.scenario.problem, stages.scenario.plan.effort, stages.done
+    scenario, done = stages.scenario, stages.done
+    problem, effort = scenario.problem, scenario.plan.effort
+    if not scenario.plan.through:
+        seeds = [*seeds, cold_start(problem)]
     told = stages.told("collocation")
     best = done.keep(
         stages.run("collocation", lambda: plan_variational(problem, seeds, effort=effort, progress=told))
     )
+
+    if best is not None:
+        tried, told = best.details["seeds"], stages.told("seeds compared")
+        rows = stages.run(
+            "seed_comparison", lambda: compare_seeds(problem, seeds, tried, gates, effort, told)
+        )
+        done.comparison = rows or []
 
     def refine() -> Plan:
         starts = seeds if best is None else with_times(seeds, best, gates)
         return plan_full(problem, starts, effort=effort, progress=stages.told("refined"))
 
     done.keep(stages.run("refined", refine))
+
+
+def _dwa(scenario: Scenario) -> Plan:
+    """The run of the dynamic window approach, whether or not it reaches the goal."""
+    settings = scenario.plan.dwa
+    return plan_dwa(
+        scenario.problem, weights=settings.weights, window=settings.window, step=settings.step
+    ).plan
 
 
 def _require_known(scenario: Scenario, gates: Gates) -> None:
@@ -280,9 +298,11 @@ def _result(judgement: Judgement, done: Progress, overrides: Mapping[str, float]
     result: dict[str, Any] = {"schema": evidence.SCHEMA, **judgement.as_result()}
     for name, plan in done.plans.items():
         facts = {key: value for key, value in plain(plan.details).items() if key not in _JUDGED}
-        if done.gates is not None:
+        if done.gates is not None and plan.details.get("reached", True):
             facts["class"] = class_of(done.gates, plan.trajectory)
         result["plans"][name] |= facts | {"compute_time": done.seconds[name]}
+    if done.comparison and "collocation" in result["plans"]:
+        result["plans"]["collocation"]["comparison"] = plain(done.comparison)
     if done.run is not None and "simulation" in result:
         figures = result["simulation"]
         driven = plain(done.run.details)

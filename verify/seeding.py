@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
-from vnav_drake.collocation import Seed
+import numpy as np
+
+from vnav_drake.collocation import Effort, Seed, plan_variational
 from vnav_drake.homotopy import Gates, class_of, word_of
 from vnav_drake.plan import Path, Plan
 from vnav_drake.problem import NoPathError, PlanningError, Problem
 from vnav_drake.voronoi import VoronoiDiagram
 from vnav_drake.voronoi_route import k_best_routes
 
+COLD_START = "cold_start"
 SAME_LENGTH = 1e-6  # [m]: routes no further apart in length are one
 
 
@@ -40,10 +45,64 @@ def route_seeds(
     return [Seed(path, route.method, homotopy_class=class_of(gates, path)) for path in fitting]
 
 
+def cold_start(problem: Problem) -> Seed:
+    """The straight line from start to goal, whatever stands in the way: how one begins who knows nothing."""
+    return Seed(Path.polyline(np.array([problem.start.point, problem.goal.point])), COLD_START)
+
+
+def compare_seeds(
+    problem: Problem,
+    seeds: Sequence[Seed],
+    tried: Sequence[Mapping[str, Any]],
+    gates: Gates,
+    effort: Effort,
+    progress: Callable[[str], None],
+) -> list[dict[str, Any]]:
+    """The variational collocation from the first seed of each method, each refined to the end on its own.
+
+    Parameters
+    ----------
+    tried : a row for each seed, of its first try; where nothing safe came of that there is no second.
+
+    Returns
+    -------
+    A row for each: `method`, `class` of what came out, `travel_time` [s], `iterations`, `rounds`,
+    `intervals`; or instead of these `message`, why nothing safe came of it; and `compute_time` [s].
+    """
+    first: dict[str, tuple[Seed, Mapping[str, Any]]] = {}
+    for seed, found in zip(seeds, tried, strict=True):
+        first.setdefault(seed.method, (seed, found))
+    rows: list[dict[str, Any]] = []
+    for method, (seed, found) in first.items():
+        if "travel_time" not in found:
+            rows.append({key: found[key] for key in ("method", "message", "compute_time")})
+            continue
+        progress(method.replace("_", " "))
+        begun = time.perf_counter()
+        try:
+            plan = plan_variational(problem, [seed], effort=effort)
+        except PlanningError as error:
+            row: dict[str, Any] = {"message": str(error)}
+        else:
+            row = {
+                "class": class_of(gates, plan.trajectory),
+                "travel_time": plan.travel_time,
+                "iterations": plan.details["iterations"],
+                "rounds": len(plan.details["history"]),
+                "intervals": plan.details["intervals"],
+            }
+        rows.append({"method": method, **row, "compute_time": time.perf_counter() - begun})
+    return rows
+
+
 def with_times(seeds: Sequence[Seed], plan: Plan, gates: Gates) -> list[Seed]:
-    """The variational optimum first, then the seeds with what they led to."""
+    """The variational optimum first, then the seeds with what they led to; the cold start has had its try."""
     rows = plan.details["seeds"]
-    known = [replace(seed, travel_time=row.get("travel_time")) for seed, row in zip(seeds, rows, strict=True)]
+    known = [
+        replace(seed, travel_time=row.get("travel_time"))
+        for seed, row in zip(seeds, rows, strict=True)
+        if seed.method != COLD_START
+    ]
     path = path_of(plan)
     return [Seed(path, plan.method, homotopy_class=class_of(gates, path)), *known]
 

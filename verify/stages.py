@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from systems import SimulationError, SimulationRun
 from verify.analytic import Analytic
 from verify.interruption import Interruption
+from verify.vc import VcStage
 from vnav_drake.homotopy import Gates
 from vnav_drake.lower_bound import LowerBound
 from vnav_drake.plan import Plan
@@ -39,6 +40,8 @@ class Progress:
     diagram: VoronoiDiagram | None = None
     gates: Gates | None = None
     analytic: Analytic | None = None
+    vc: VcStage | None = None
+    comparison: list[dict[str, Any]] = field(default_factory=list)  # of seeds
     bound: LowerBound | None = None
     executed: str | None = None  # the plan that the vehicle drove in `run`, or is to drive
     run: SimulationRun | None = None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from decimal import Decimal
+from typing import Any
 
 from verify.digits import as_given, beside, digits_beside, rounded, tells_side
 from verify.judge import Gate, Judgement
@@ -12,10 +13,9 @@ from verify.judge import Gate, Judgement
 def headline(judgement: Judgement) -> str:
     """Verdict, times (that of the executed plan first), gaps, limits given on the command line: one line."""
     parts = [f"{judgement.scenario}: {judgement.verdict}"]
-    plans = ("refined", "speed_graph", "collocation", "voronoi_route")
+    plans = ("refined", "speed_graph", "collocation", "vc_method", "voronoi_route", "dwa")
     names = sorted(plans, key=lambda name: name != judgement.executed)
-    times = [(name, judgement.plans[name]["travel_time"]) for name in names if name in judgement.plans]
-    parts += [f"{name} {time:.3f} s" for name, time in times]
+    parts += [f"{name} {_time(judgement.plans[name])}" for name in names if name in judgement.plans]
     if judgement.bound is not None and judgement.bound.travel_time is not None:
         parts.append(f"lower bound {rounded(judgement.bound.travel_time, 3)} s")
     named = (("analytic", "analytic gap"), ("refinement", "gap"), ("certified", "certified gap"))
@@ -26,6 +26,11 @@ def headline(judgement: Judgement) -> str:
     if given:
         parts.append(f"(gates overridden on the command line: {given})")
     return "  ".join(parts)
+
+
+def _time(plan: Mapping[str, Any]) -> str:
+    """The travel time, where the motion reaches the goal."""
+    return f"{plan['travel_time']:.3f} s" if "travel_time" in plan else "stuck"
 
 
 def _percent(judgement: Judgement, name: str) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 from verify.digits import rounded
 from verify.evidence import MODEL_OF_PLAN
 from verify.judge.certificate import Proof
-from verify.judge.checks import Setting
+from verify.judge.checks import ENDS, Setting
 from verify.judge.finding import Check
 from verify.judge.motion import Motion
 
@@ -97,7 +97,7 @@ def judge_bound(
     for name, motion in sound.items() if proof.holds else ():
         own = {check.name: check for check in found if check.trajectory == name}
         least, tolerated = proof.travel_time, tolerated_time(motion, own, setting)
-        if MODEL_OF_PLAN[name] == "full":
+        if MODEL_OF_PLAN[name] == "full" and all(own[end].status == "passed" for end in ENDS):
             least += end_cost
             tolerated += tolerated_by_drive(motion, own, setting)
         if motion.travel_time + tolerated < least * (1.0 - ROUNDING):

@@ -12,18 +12,45 @@ from numpy.typing import NDArray
 
 from verify.judge.arithmetic import check_arithmetic, turn_errors
 from verify.judge.continuous import CONTACT, LeastMargin, Need, least_margin
-from verify.judge.finding import Check, Place, finding
+from verify.judge.finding import VIOLATION_TOLERANCE, Check, Place, finding
 from verify.judge.geometry import Surroundings
 from verify.judge.limits import Limits
 from verify.judge.motion import Motion
 
 Array = NDArray[np.float64]
 
-# What the variational model (uniform braking alone, any end speed and heading) promises.
-VARIATIONAL_PROMISES = frozenset(
-    {"boundary", "start", "goal", "clearance", "braking_distance", "speed", "travel_time"}
+ENDS = frozenset({"start", "goal"})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Promise:
+    """Which checks a plan promises to pass; without `end_motion` it promises no speed or heading there."""
+
+    checks: frozenset[str]
+    end_motion: bool
+    by: str  # whose promise it is, in words
+
+
+# The variational model: uniform braking alone, any end speed and heading.
+_VARIATIONAL = Promise(
+    checks=frozenset({"boundary", *ENDS, "clearance", "braking_distance", "speed", "travel_time"}),
+    end_motion=False,
+    by="the variational model",
 )
-UNPROMISED = " (not promised by the variational model)"
+# Methods of the full robot that promise less than all. The vc-method follows the Voronoi arcs whether or not
+# the wheels can turn that tightly; the dynamic window approach may get stuck on its way.
+_BASELINES = {
+    "vc_method": Promise(
+        checks=_VARIATIONAL.checks | {"friction_circle", "tip_over", "drive"},
+        end_motion=False,
+        by="the vc-method",
+    ),
+    "dwa": Promise(
+        checks=_VARIATIONAL.checks - {"goal"} | {"friction_circle", "tip_over", "drive", "steering"},
+        end_motion=True,
+        by="the dynamic window approach",
+    ),
+}
 KINK_TOLERANCE = 1e-6  # [rad]: heading jumps that count as a kink, all together; rounding gives 1e-12
 
 
@@ -48,7 +75,7 @@ class Setting:
 
 
 def check_motion(motion: Motion, name: str, model: str, setting: Setting) -> tuple[Check, ...]:
-    """All checks of one trajectory; those its `model` does not promise are marked so."""
+    """All checks of one trajectory; those that the plan `name` of `model` does not promise are marked so."""
     rules: tuple[Callable[[Motion, Setting], Check], ...] = (
         _boundary,
         _start,
@@ -63,24 +90,32 @@ def check_motion(motion: Motion, name: str, model: str, setting: Setting) -> tup
         _travel_time,
     )
     found = [replace(rule(motion, setting), trajectory=name) for rule in rules]
-    if model == "variational":
-        found = [entry for check in found for entry in _as_promised(check, motion, setting)]
+    promise = _VARIATIONAL if model == "variational" else _BASELINES.get(name)
+    if promise is not None:
+        found = [entry for check in found for entry in _as_promised(check, promise, motion, setting)]
     return tuple(found)
 
 
-def _as_promised(check: Check, motion: Motion, setting: Setting) -> list[Check]:
-    """The variational model promises positions at the ends, no end speeds, headings or dynamics."""
-    if check.name not in VARIATIONAL_PROMISES:
-        note = UNPROMISED if check.status == "failed" else ""
+def reaches(motion: Motion, setting: Setting) -> bool:
+    """Whether a motion leads from the start to the goal, at whatever speed."""
+    ends = ((0, setting.start), (-1, setting.goal))
+    return all(_miss(motion, row, end) <= VIOLATION_TOLERANCE for row, end in ends)
+
+
+def _as_promised(check: Check, promise: Promise, motion: Motion, setting: Setting) -> list[Check]:
+    """A check as far as it is promised; what remains of it is marked as not promised."""
+    unpromised = f" (not promised by {promise.by})"
+    if check.name not in promise.checks:
+        note = unpromised if check.status == "failed" else ""
         return [replace(check, promised=False, message=check.message + note)]
-    if check.name not in ("start", "goal") or check.status != "failed":
+    if check.name not in ENDS or promise.end_motion or check.status != "failed":
         return [check]
     row, end = (0, setting.start) if check.name == "start" else (-1, setting.goal)
     miss = _miss(motion, row, end)
     place = finding(check.name, -miss, "m", _row_place(motion, row), f"{miss:.6f} m from where it must be")
     if place.status == "failed":
         return [replace(place, trajectory=check.trajectory)]
-    rest = replace(check, promised=False, message=check.message + UNPROMISED)
+    rest = replace(check, promised=False, message=check.message + unpromised)
     return [replace(place, trajectory=check.trajectory), rest]
 
 

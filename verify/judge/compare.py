@@ -46,6 +46,11 @@ def compare(result: Mapping[str, Any], judgement: Judgement) -> tuple[str, ...]:
             extra = sorted(set(map(str, claimed)) - set(expected[section]))
             found += [f"{section}.{name}: claimed, but there is no evidence for it" for name in extra]
     found += [
+        f"plans.{name}.travel_time: claimed, but the run did not reach the goal"
+        for name, plan in expected["plans"].items()
+        if "travel_time" not in plan and "travel_time" in _claimed_plan(result, name)
+    ]
+    found += [
         f"{name}: claimed, but there is no evidence for it"
         for name in ("executed", "simulation", "lower_bound")
         if name in result and name not in expected
@@ -54,6 +59,12 @@ def compare(result: Mapping[str, Any], judgement: Judgement) -> tuple[str, ...]:
     if len(found) > LISTED:
         found = [*found[:LISTED], f"and {len(found) - LISTED} more differences"]
     return tuple(found)
+
+
+def _claimed_plan(result: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    plans = result.get("plans")
+    plan = plans.get(name) if isinstance(plans, Mapping) else None
+    return plan if isinstance(plan, Mapping) else {}
 
 
 def compare_files(folder: Path, result: Mapping[str, Any]) -> tuple[str, ...]:

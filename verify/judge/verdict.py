@@ -13,7 +13,7 @@ from verify.evidence import MODEL_OF_PLAN, EvidenceError
 from verify.judge.bound import NAME as LOWER_BOUND
 from verify.judge.bound import Bound, judge_bound
 from verify.judge.certificate import CertificateFile, Proof, check_certificate, read_certificate
-from verify.judge.checks import Setting, check_motion
+from verify.judge.checks import Setting, check_motion, reaches
 from verify.judge.ends import end_cost, straight_time
 from verify.judge.finding import Check
 from verify.judge.gates import Gate, Times, gaps, gates
@@ -27,6 +27,8 @@ RECORD_COLUMNS = ("t", "x", "y", "heading", "v", "lateral_acceleration")
 # Relative. Rows of both are slowed by 1e-6 and by what proves their clearance between samples, up to 1e-5
 # in all: a motion that is faster by less than that is not faster.
 SAME_TIME = 1e-5
+# A run of these may end elsewhere than at the goal: then it has no travel time.
+MAY_GET_STUCK = frozenset({"dwa"})
 # Checks whose stage this version does not have: they are never passed, and hold back no verdict.
 ABSENT_STAGES = frozenset({"emergency_stops"})
 
@@ -171,7 +173,7 @@ def _with_proof(findings: Findings, proof: Proof | None) -> Findings:
     """The gaps, and the check of the certificate, that go with a proof."""
     setting, motions = findings.question.setting, findings.motions
     checks = tuple(check for check in findings.checks if check.trajectory != LOWER_BOUND)
-    sound = _sound(motions, checks)
+    sound = _sound(motions, checks, setting)
     cost = _end_cost(setting, sound)
     bound = None if proof is None else judge_bound(proof, sound, cost, checks, setting)
     gap = _gaps(motions, sound, cost, None if bound is None else bound.travel_time)
@@ -187,7 +189,7 @@ def decide(findings: Findings, overrides: Mapping[str, float]) -> Judgement:
     gate = gates(asked.gates, asked.named_gates, overrides, gap, checks, findings.executed, no_bound=no_bound)
     lower = None if findings.bound is None else findings.bound.travel_time
     times = {name: motion.travel_time for name, motion in findings.motions.items()}
-    certified = _nothing_to_refine(times, _sound(findings.motions, checks), lower, gate)
+    certified = _nothing_to_refine(times, _sound(findings.motions, checks, asked.setting), lower, gate)
     executed = _chosen(times, findings.executed, findings.same, certified)
     verdict, reasons = _verdict(times, executed, checks, certified)
     return Judgement(
@@ -281,10 +283,12 @@ def _not_evaluated(name: str, message: str) -> Check:
     return Check(name=name, trajectory="simulation", status="not_evaluated", message=message)
 
 
-def _sound(motions: Mapping[str, Motion], checks: Sequence[Check]) -> dict[str, Motion]:
-    """The motions that keep what their model promises."""
+def _sound(motions: Mapping[str, Motion], checks: Sequence[Check], setting: Setting) -> dict[str, Motion]:
+    """The motions from start to goal that keep what their plan promises."""
     broken = {check.trajectory for check in checks if check.blocks}
-    return {name: motion for name, motion in motions.items() if name not in broken}
+    return {
+        name: motion for name, motion in motions.items() if name not in broken and reaches(motion, setting)
+    }
 
 
 def _gaps(
@@ -326,7 +330,7 @@ def _plan(name: str, motion: Motion, checks: tuple[Check, ...]) -> dict[str, Any
     """
     failed = [check for check in checks if check.trajectory == name and check.status == "failed"]
     plan: dict[str, Any] = {
-        "travel_time": motion.travel_time,
+        **_duration(name, motion, failed),
         "length": motion.length,
         "model": MODEL_OF_PLAN[name],
         "feasible": not failed,
@@ -334,6 +338,15 @@ def _plan(name: str, motion: Motion, checks: tuple[Check, ...]) -> dict[str, Any
     }
     unpromised = [check.as_result() for check in failed if not check.promised]
     return plan | {"unpromised": unpromised} if unpromised else plan
+
+
+def _duration(name: str, motion: Motion, failed: Sequence[Check]) -> dict[str, Any]:
+    """The travel time; of a run that may get stuck whether it did not, else after which time it ended."""
+    if name not in MAY_GET_STUCK:
+        return {"travel_time": motion.travel_time}
+    if any(check.name == "goal" for check in failed):
+        return {"reached": False, "stopped_after": motion.travel_time}
+    return {"reached": True, "travel_time": motion.travel_time}
 
 
 def _verdict(

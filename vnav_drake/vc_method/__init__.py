@@ -11,6 +11,7 @@ from vnav_drake.vc_method.cells import (
 )
 from vnav_drake.vc_method.critical import MAXIMUM, SADDLE, CriticalPoints, critical_points
 from vnav_drake.vc_method.planner import VcResult, as_plan, plan_vc_method, vc_method
+from vnav_drake.vc_method.profile import arc_minimum_time
 from vnav_drake.vc_method.realise import Realisation, realise
 from vnav_drake.vc_method.search import CellRoute, search
 from vnav_drake.vc_method.topology import euler_characteristic, free_components
@@ -28,6 +29,7 @@ __all__ = [
     "Stack",
     "VcResult",
     "VerticalPartition",
+    "arc_minimum_time",
     "as_plan",
     "build_adjacency",
     "critical_points",
