@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -94,6 +94,16 @@ def random_problem(
             )
             return RandomProblem(problem, family, side)
     raise ValueError(f"seed {seed}: no layout with room for start and goal in {ATTEMPTS} attempts")
+
+
+def with_wheels_inside(problem: Problem) -> Problem:
+    """The problem with a robot whose wheelbase and track fit in its disc, as scenario files demand.
+
+    A point robot, which is exempt, becomes a small one: 0.3 m by 0.24 m.
+    """
+    size = problem.robot.radius if problem.robot.radius > 0.0 else 0.25
+    robot = replace(problem.robot, wheelbase=1.2 * size, track=0.96 * size, com_height=0.2 * size)
+    return replace(problem, robot=robot)
 
 
 def _ends(

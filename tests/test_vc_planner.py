@@ -14,7 +14,7 @@ import yaml
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.random_worlds import random_problem
+from benchmarks.random_worlds import random_problem, with_wheels_inside
 from tests.speed_graph_worlds import moved_problem, swapped
 from tests.worlds import rectangle
 from verify.library import check
@@ -320,10 +320,7 @@ def test_an_unknown_cost_is_refused():
 
 def fitted(seed: int) -> Problem:
     """The problem of a seed, its robot's wheels within its disc as scenarios demand."""
-    drawn = random_problem(seed).problem
-    r = drawn.robot.radius
-    size = {"wheelbase": 1.2 * r, "track": r, "com_height": 0.3 * r} if r > 0.0 else SMALL
-    return replace(drawn, robot=replace(drawn.robot, **size))
+    return with_wheels_inside(random_problem(seed).problem)
 
 
 @settings(max_examples=15, deadline=None, phases=QUICK)

@@ -15,7 +15,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from benchmarks.figures import BLUE, INK, ORANGE
-from benchmarks.random_worlds import random_problem
+from benchmarks.random_worlds import random_problem, with_wheels_inside
 from benchmarks.reproduction.page import Data, table
 from vnav_drake.homotopy import class_of
 from vnav_drake.problem import NoPathError, PlanningError, Problem
@@ -73,7 +73,7 @@ def measure() -> Data:
     refused: Counter[str] = Counter()
     for seed in range(WORLDS):
         try:
-            worlds.append({"seed": seed, **compared(random_problem(seed).problem)})
+            worlds.append({"seed": seed, **compared(with_wheels_inside(random_problem(seed).problem))})
         except (NoPathError, PlanningError) as error:
             refused[type(error).__name__] += 1
     return {"scenarios": scenarios, "worlds": worlds, "drawn": WORLDS, "refused": dict(refused)}
@@ -150,10 +150,11 @@ def section(data: Data) -> str:
             *(f"* {note}" for note in notes),
             *([""] if notes else []),
             '"class" is whether the vc-method chose the fastest homotopy class, else what the optimum of'
-            " its class loses. Shortfalls are limits that the motion says it cannot meet, mostly turns tighter"
-            " than the wheels allow.",
+            " its class loses. Shortfalls are limits that the motion says it cannot meet, mostly turns too"
+            " tight for the wheels.",
             "",
-            f"Random worlds, seeds 0 to {data['drawn'] - 1} (refused by name: {refused}):",
+            f"Random worlds, seeds 0 to {data['drawn'] - 1}, wheels inside the robot's disc (refused by name:"
+            f" {refused}):",
             "",
             spread,
             f"Another class than the fastest was chosen in {wrong} of {len(worlds)} worlds"
