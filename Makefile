@@ -6,6 +6,7 @@
 #   make gallery  every scenario          make bench    speed against peers
 #   make study    how graphs rank homotopy classes, on 1,000 random worlds (half an hour; goes on where it stopped)
 #   make peers    installs what benchmarks and some tests compare with (needs a C compiler)
+#   make reproduction   every figure printed in the source beside ours: docs/reproduction.md
 #   make figures  those of docs/speed_graph.md and docs/certificate.md
 #   make clean    removes environment, caches and reports
 #
@@ -32,7 +33,7 @@ export OMP_NUM_THREADS ?= 1
 STAMP := $(VENV)/.installed
 STALE := $(shell tools/set-up --check "$(VENV)" "$(PYTHON)" || echo stale)
 
-.PHONY: help demo test lint gallery bench study peers figures clean setup
+.PHONY: help demo test lint gallery bench study reproduction peers figures clean setup
 ifneq ($(STALE),)
 .PHONY: $(STAMP)
 endif
@@ -70,6 +71,9 @@ bench: $(VENV)/.installed-bench
 
 study: $(STAMP)
 	$(RUN) benchmarks.ranking --worlds 1000 --out reports/ranking.jsonl --summary docs/data/ranking.json $(ARGS)
+
+reproduction: $(STAMP)
+	$(RUN) benchmarks.reproduction $(ARGS)
 
 figures: $(STAMP)
 	$(RUN) benchmarks.figures

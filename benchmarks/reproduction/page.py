@@ -124,14 +124,15 @@ def render(kept: Data) -> str:
     took = f"{total / 60.0:.0f} minutes" if total >= 90.0 else f"{total:.0f} s"
     head = (
         "# The figures of Manor 2015 beside ours\n\n"
-        'G. Manor, "Autonomous Mobile Robot Navigation with Velocity Constraints", PhD thesis, Technion, 2015.\n\n'
+        'G. Manor, "Autonomous Mobile Robot Navigation with Velocity Constraints", PhD thesis, Technion,'
+        " 2015.\n\n"
         "The page is written by `python -m benchmarks.reproduction` (`make reproduction`): about"
         f" {took} on one core; do not edit it. What it shows is kept in"
         " [data/reproduction.json](data/reproduction.json), and a test recomputes the quick part.\n\n"
         "A **reconstruction** is a map laid out by us in the manner of the text, where the thesis gives"
         " coordinates only in a figure that cannot be read. Its times need not be those printed; where they"
-        " agree that is no proof, and where they differ that is no refutation. A **contradiction** is a printed"
-        " figure that its own text rules out, and comes with a proof.\n\n"
+        " agree that is no proof, and where they differ that is no refutation. A **contradiction** is a"
+        " printed figure that its own text rules out, and comes with a proof.\n\n"
     )
     summary = table(
         ("figure", "in the thesis", "printed", "ours", "what it means"),
