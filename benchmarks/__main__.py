@@ -13,8 +13,17 @@ import sys
 
 import benchmarks
 
-# a study, what worlds are drawn from, and pictures
-NOT_HERE = {"ranking", "random_worlds", "large_maps", "figures", "figures_certificate"}
+# studies, what worlds are drawn from, and pictures
+NOT_HERE = {
+    "ranking",
+    "vc_study",
+    "random_worlds",
+    "large_maps",
+    "figures",
+    "figures_certificate",
+    "figures_vc_method",
+    "reproduction",
+}
 
 
 def main(wanted: list[str]) -> int:
