@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -32,10 +33,12 @@ def measure() -> Data:
     """The best classes from both graphs, with the travel time after every iteration."""
     asked = load_scenario(SCENARIO).problem
     graphs = {}
-    for kind in ("published", "sampled"):
+    kinds: tuple[Literal["published", "sampled"], ...] = ("published", "sampled")
+    for kind in kinds:
         result = speed_graph(asked, classes=CLASSES, graph=kind)
+        graph = result.sampled if result.published is None or kind == "sampled" else result.published
         graphs[kind] = {
-            "nodes": result.published.node_count if kind == "published" else result.sampled.node_count,
+            "nodes": graph.node_count,
             "classes": [_class(c) for c in result.classes],
         }
     return {

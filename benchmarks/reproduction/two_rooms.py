@@ -338,12 +338,15 @@ def _map() -> Figure:
         path = realise(problem, curves).path
         x, y, _, _ = path.at(np.linspace(0.0, path.length, 400))
         axes.plot(x, y, color=colour, lw=1.8, zorder=4)
-    x = float(np.mean(TABLE))
+    middle = float(np.mean(TABLE))
     for low, high, name in ((0.0, LOWER, "$W_l$"), (SIZE - PROFILES_AT * LOWER, SIZE, "$W_u$")):
         axes.annotate(
-            "", (x - 0.2, low), (x - 0.2, high), arrowprops={"arrowstyle": "<->", "color": INK, "lw": 0.8}
+            "",
+            (middle - 0.2, low),
+            (middle - 0.2, high),
+            arrowprops={"arrowstyle": "<->", "color": INK, "lw": 0.8},
         )
-        axes.text(x - 0.17, low + 0.25 * (high - low), name, va="center", fontsize=8)
+        axes.text(middle - 0.17, low + 0.25 * (high - low), name, va="center", fontsize=8)
     axes.text(0.98 * SIZE, 0.06, "lower passage", color=ORANGE, ha="right", fontsize=8)
     axes.text(0.98 * SIZE, SIZE - 0.12, "upper passage", color=BLUE, ha="right", fontsize=8)
     axes.text(0.06, 1.6, "Voronoi\narcs", color=SKY, fontsize=8)

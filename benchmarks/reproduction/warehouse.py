@@ -89,7 +89,7 @@ def measure() -> Data:
     vc = vc_method(asked, diagram)
     along = voronoi_routes(asked, diagram, result.gates)
     gap_motion = realise(asked, next(curves for name, curves in along if name == short.name))
-    lengths = [{"name": name, "length": float(curves.length.sum())} for name, curves in along]
+    lengths: list[Data] = [{"name": name, "length": float(curves.length.sum())} for name, curves in along]
     lengths.sort(key=lambda row: row["length"])
     if not np.isclose(lengths[0]["length"], shortest_route(asked, diagram).length.sum(), rtol=1e-12):
         raise PlanningError(f"the shortest route is not among the {ROUTES} fastest ones")
