@@ -64,8 +64,8 @@ def _draw(problem: Problem, drawing: VcDrawing, described: dict[str, str], width
     axes.add_collection(LineCollection(list(space.feet), colors=LIMIT.light, linewidths=1.4 * thin))
     if drawing.other is not None:
         axes.plot(
-            *thinned_path(drawing.other[:, 0], drawing.other[:, 1], size), color=INK.light, lw=1.8 * thin, ls=OTHER_DASH,
-            dash_capstyle="butt", zorder=3,
+            *thinned_path(drawing.other[:, 0], drawing.other[:, 1], size), color=INK.light, lw=1.8 * thin,
+            ls=OTHER_DASH, dash_capstyle="butt", zorder=3,
         )  # fmt: skip
     route = thinned_path(drawing.route[:, 0], drawing.route[:, 1], size)
     axes.plot(*route, color=CASING.light, lw=4.4 * thin, zorder=3)

@@ -7,7 +7,6 @@ nothing of the graph is hidden behind the roof that it runs under.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -76,8 +75,27 @@ class View:
 def standing_view(problem: Problem, space: SpaceDrawing) -> View:
     """The view of the picture on paper: from the south, a little from the side."""
     x0, y0, x1, y1 = problem.world.bounds
-    top = float(space.roof[..., 2].max(initial=0.0)) or 1.0
-    return View(math.radians(-68.0), math.radians(40.0), HEIGHT * max(x1 - x0, y1 - y0) / top)
+    return View(math.radians(-68.0), math.radians(42.0), HEIGHT * max(x1 - x0, y1 - y0) / top_speed(space))
+
+
+def top_speed(space: SpaceDrawing) -> float:
+    """[m/s], at the highest point of the roof; 1 where there is no roof."""
+    return float(space.roof[..., 2].max(initial=0.0)) or 1.0
+
+
+def shades_of(space: SpaceDrawing) -> NDArray[np.int64]:
+    """(n,) the shade of each patch of the roof, from 0 to SHADES - 1."""
+    return np.round(space.roof[..., 2].mean(axis=1) / top_speed(space) * (SHADES - 1)).astype(np.int64)
+
+
+def profile_on_map(drawing: VcDrawing) -> Array:
+    """(n, 3) [m, m, m/s], the profile along the route's arcs where it is in the world."""
+    found = drawing.unfolded
+    s = np.concatenate([a for _, a, _ in found.pieces])
+    v = np.concatenate([b for _, _, b in found.pieces])
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(drawing.route, axis=0).T))])
+    at = s * way[-1] / s[-1]
+    return np.column_stack([*(np.interp(at, way, drawing.route[:, k]) for k in (0, 1)), v])
 
 
 def shown_words(space: SpaceDrawing) -> str:
@@ -175,14 +193,13 @@ def _floor(axes: Axes, problem: Problem, view: View) -> None:
 
 def _faces(axes: Axes, space: SpaceDrawing, view: View) -> None:
     """Roof and partitions from the back to the front, neighbours of one colour as one element."""
-    top = float(space.roof[..., 2].max(initial=0.0)) or 1.0
     shade = matplotlib.colormaps[SPEED_MAP].resampled(SHADES)
     ways: list[tuple[float, str, float, Outline]] = []
-    level = np.round(space.roof[..., 2].mean(axis=1) / top * (SHADES - 1)) / (SHADES - 1)
+    level = shades_of(space)
     near = view.nearness(space.roof).mean(axis=1)
     for patch, depth, part in zip(view.flat(space.roof), near, level, strict=True):
         ways.append(
-            (depth, to_hex(shade(part)), ROOF_ALPHA, Outline(np.vstack([patch, patch[:1]]), closed=True))
+            (depth, to_hex(shade(int(part))), ROOF_ALPHA, Outline(np.vstack([patch, patch[:1]]), closed=True))
         )
     for wall in space.vertical:
         flat = view.flat(wall)
@@ -232,17 +249,12 @@ def _critical(axes: Axes, space: SpaceDrawing, view: View, thin: float) -> None:
 
 def _route(axes: Axes, drawing: VcDrawing, view: View, thin: float) -> None:
     """The profile on the roof, with a rim."""
-    found = drawing.unfolded
-    s = np.concatenate([a for _, a, _ in found.pieces])
-    v = np.concatenate([b for _, _, b in found.pieces])
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(drawing.route, axis=0).T))])
-    at = s * way[-1] / s[-1]
-    place = np.column_stack([np.interp(at, way, drawing.route[:, k]) for k in (0, 1)])
-    flat = view.flat(np.column_stack([place, v]))
+    place = profile_on_map(drawing)
+    flat = view.flat(place)
     axes.plot(*flat.T, color=CASING.light, lw=4.2 * thin)
     axes.plot(*flat.T, color=method("vc_method").light, lw=2.6 * thin)
     for name, k in (("start", 0), ("goal", -1)):
-        stem = view.flat(np.array([[*place[k], 0.0], [*place[k], v[k]]]))
+        stem = view.flat(np.array([[*place[k, :2], 0.0], place[k]]))
         axes.plot(*stem.T, color=INK.light, lw=1.0)
         axes.plot(*stem[0], "o", mfc=PAPER.light, mec=INK.light, ms=5)
         halo(
@@ -253,27 +265,34 @@ def _route(axes: Axes, drawing: VcDrawing, view: View, thin: float) -> None:
         )  # fmt: skip
 
 
-def _scale(axes: Axes, problem: Problem, space: SpaceDrawing, view: View) -> None:
-    """The axis of speeds at the left corner."""
+def speed_axis(problem: Problem, space: SpaceDrawing, view: View) -> list[tuple[str, Array]]:
+    """Ticks of an axis of speeds at the leftmost corner: words and place (1, 3) [m, m, m/s]."""
     corners = np.array(shapely.get_coordinates(problem.world.boundary))
     ground = view.flat(np.column_stack([corners, np.zeros(len(corners))]))
     x, y = corners[int(np.argmin(ground[:, 0]))]
-    top = float(space.roof[..., 2].max(initial=0.0)) or 1.0
-    ends = view.flat(np.array([[x, y, 0.0], [x, y, top]]))
-    axes.plot(*ends.T, color=INK.light, lw=1.0)
-    for speed in _ticks(top):
-        at = view.flat(np.array([x, y, speed]))
-        axes.plot(*at, "_", color=INK.light, ms=6)
-        words = f"{speed:g}" if speed < _ticks(top)[-1] else f"{speed:g} m/s"
+    speeds = _ticks(top_speed(space))
+    words = [f"{speed:g}" for speed in speeds[:-1]] + [f"{speeds[-1]:g} m/s"]
+    return [(text, np.array([[x, y, speed]])) for text, speed in zip(words, speeds, strict=True)]
+
+
+def _scale(axes: Axes, problem: Problem, space: SpaceDrawing, view: View) -> None:
+    """The axis of speeds."""
+    ticks = speed_axis(problem, space, view)
+    axes.plot(
+        *view.flat(np.concatenate([place for _, place in ticks])).T, "_-", color=INK.light, lw=1.0, ms=6
+    )
+    for text, place in ticks:
+        at = view.flat(place)[0]
         halo(
             axes.annotate(
-                words, (at[0], at[1]), (-5, 0), textcoords="offset points", ha="right", va="center",
+                text, (at[0], at[1]), (-5, 0), textcoords="offset points", ha="right", va="center",
                 fontsize=9, color=INK.light,
             )
         )  # fmt: skip
 
 
-def _ticks(top: float) -> Sequence[float]:
+def _ticks(top: float) -> list[float]:
+    """Zero and round speeds [m/s] up to the top, two of them at least."""
     power = 10.0 ** math.floor(math.log10(top / 2.0))
     step = max(k * power for k in (1.0, 2.0, 5.0) if k * power <= top / 2.0)
     return [k * step for k in range(int(top / step + 1e-9) + 1)]

@@ -45,9 +45,9 @@ def draw_unfolded(drawing: VcDrawing) -> Picture:
         heading="Speed along the route, unfolded",
         caption="Over the arc length of the route along the Voronoi arcs, corners and all. "
         "Below the roof lies free space, cut by vertical partitions at the saddles (×) and by horizontal "
-        "ones at the heights of saddles and maxima; the cells of the chain are tinted, their vertices joined by "
-        "dotted steps. The thin line is the motion on the smooth path, rings the corners that were rounded. "
-        "Compare Manor 2015, Fig. 2.10.",
+        "ones at the heights of saddles and maxima; the cells of the chain are tinted, their vertices "
+        "joined by dotted steps. The thin line is the motion on the smooth path, rings the corners that "
+        "were rounded. Compare Manor 2015, Fig. 2.10.",
     )
 
 

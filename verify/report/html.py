@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -40,18 +41,30 @@ def stylesheet() -> str:
     )
 
 
-def content_policy() -> str:
-    """Nothing may be loaded or run; the one style sheet is known by its hash."""
-    digest = base64.b64encode(hashlib.sha256(stylesheet().encode()).digest()).decode()
-    return (
-        f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:; base-uri 'none'; form-action 'none'"
-    )
+@cache
+def script(name: str) -> str:
+    """One of our own scripts."""
+    environment = _environment()
+    return environment.loader.get_source(environment, name)[0]  # type: ignore[union-attr]
 
 
-def render(template: str, **values: Any) -> str:
-    """A page from its template. All values are escaped except our own drawings."""
-    style = Markup(stylesheet())
-    return _environment().get_template(template).render(style=style, policy=content_policy(), **values) + "\n"
+def content_policy(scripts: Sequence[str] = ()) -> str:
+    """Nothing may be loaded or run, but our own style sheet and `scripts`, each known by its hash."""
+    own = f"style-src {_digest(stylesheet())}; img-src data:; base-uri 'none'; form-action 'none'"
+    run = "".join(f" {_digest(text)}" for text in scripts)
+    return f"default-src 'none'; {f'script-src{run}; ' if run else ''}{own}"
+
+
+def _digest(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+def render(template: str, *, scripts: Sequence[str] = (), **values: Any) -> str:
+    """A page from its template, with our own `scripts`. All values are escaped except our own drawings."""
+    style, texts = Markup(stylesheet()), [script(name) for name in scripts]
+    page = _environment().get_template(template)
+    known = {"style": style, "scripts": [Markup(text) for text in texts], "policy": content_policy(texts)}
+    return page.render(**known, **values) + "\n"
 
 
 def write_whole(file: Path, text: str) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from markupsafe import Markup
 
 from verify.report import story
 from verify.report.answer import answer
@@ -32,9 +33,11 @@ from verify.report.html import render, write_whole
 from verify.report.numbers import duration, number_in, significant
 from verify.report.palette import METHODS, method
 from verify.report.series import margins, mesh_of
+from verify.report.space_data import space_data
 from verify.report.story_bound import BoundStory, bound_story, closing, full_bound, upper
 from verify.report.story_classes import analytic_row, class_rows, graph_words
 from verify.report.story_seeds import seed_story
+from verify.report.story_stuck import stuck_runs
 from verify.report.story_vc import vc_story
 from verify.report.svg import Picture
 from verify.report.wording import GLOSSARY, VERDICTS
@@ -45,6 +48,7 @@ if TYPE_CHECKING:
     from vnav_drake.scenario import Scenario
     from vnav_drake.voronoi import VoronoiDiagram
 
+VIEWER = "space_viewer.js"
 ARC_SPACING_SHARE = 1.0 / 400.0  # of the world's diameter: about two pixels on a map
 
 
@@ -89,10 +93,11 @@ def write_report(
     """
     evidence, problem = read_evidence(folder), scenario.problem
     plan = evidence.executed_plan or "refined"
-    classes = class_rows(result)
+    classes, stuck = class_rows(result), stuck_runs(result)
     rest = problem.start.speed != "safe" or problem.goal.speed != "safe"
     text = render(
         "report.html",
+        scripts=[] if extras.vc_method is None else [VIEWER],
         name=scenario.name,
         description=scenario.description,
         verdict=story.verdict(result),
@@ -108,7 +113,7 @@ def write_report(
         failing_checks=[row for row in story.check_rows(result) if row.status == story.FAILED],
         marks=story.MARKS,
         key_figures=story.key_figures(result, evidence),
-        times=story.time_rows(result),
+        times=[*story.time_rows(result), *(run.row for run in stuck)],
         reference=method(story.reference_plan(result)).label if story.reference_plan(result) else "",
         bracket=_bracket(result),
         full_bound=number_in(result, "plans", "refined", "travel_time") is not None,
@@ -124,7 +129,7 @@ def write_report(
         vc=vc_story(result),
         **_vc_sections(problem, extras.vc_method),
         seeds=seed_story(result),
-        stuck=[run.sentence for run in story.stuck_runs(result)],
+        stuck=[run.sentence for run in stuck],
         **_bound_sections(problem, result, evidence, folder),
         map=_map(problem, result, evidence, extras),
         map_lines=[method(name) for name, _ in _map_lines(evidence)]
@@ -202,7 +207,7 @@ def _map(problem: Problem, result: Mapping[str, Any], evidence: Evidence, extras
             arcs=arcs,
             others=_map_lines(evidence),
             executed=evidence.executed,
-            stuck=[(run.method, run.place) for run in story.stuck_runs(result) if run.place is not None],
+            stuck=[(run.method, run.place) for run in stuck_runs(result) if run.place is not None],
             strayed=evidence.simulation if story.strayed(result) else None,
         )
     )
@@ -256,18 +261,20 @@ def _class_sections(problem: Problem, drawing: SpeedGraphDrawing) -> dict[str, S
     }
 
 
-def _vc_sections(problem: Problem, drawing: VcDrawing | None) -> dict[str, Section]:
+def _vc_sections(problem: Problem, drawing: VcDrawing | None) -> dict[str, Section | Markup]:
     if drawing is None:
         nothing = Section(pictures=())
         return {
             "vc_space": Section(pictures=(), missing="The cells of the vc-method were not at hand."),
             "vc_unfolded": nothing,
             "vc_cells": nothing,
+            "vc_space_data": Markup(),
         }
     return {
         "vc_space": Section(pictures=[draw_space(problem, drawing)]),
         "vc_unfolded": Section(pictures=[draw_unfolded(drawing)]),
         "vc_cells": Section(pictures=[draw_cells(problem, drawing)]),
+        "vc_space_data": space_data(problem, drawing),
     }
 
 

@@ -27,7 +27,7 @@ from verify.report.numbers import (
 )
 from verify.report.palette import METHODS, Method, method
 from verify.report.text import label
-from verify.report.wording import CHECKS, GAPS, GATES, STUCK, VERDICTS, GateWords
+from verify.report.wording import CHECKS, GAPS, GATES, VERDICTS, GateWords
 
 Result = Mapping[str, Any]
 
@@ -223,47 +223,6 @@ def is_stuck(result: Result, name: str) -> bool:
     return mapping(mapping(result, "plans"), name).get("reached") is False
 
 
-@dataclass(frozen=True, kw_only=True)
-class StuckRun:
-    """A run that did not reach the goal."""
-
-    method: str
-    sentence: str
-    place: tuple[float, float] | None  # [m]
-
-
-def stuck_runs(result: Result) -> list[StuckRun]:
-    """The plans that never reached the goal: why, when and where they gave up."""
-    runs = []
-    for name in (
-        name for name in mapping(result, "plans") if isinstance(name, str) and is_stuck(result, name)
-    ):
-        plan = mapping(mapping(result, "plans"), name)
-        told = mapping(plan, "stuck")
-        reason = words(told.get("reason"))
-        at = told.get("place")
-        x, y = at if isinstance(at, list | tuple) and len(at) == 2 else (None, None)
-        place = (number_in({"x": x}, "x"), number_in({"y": y}, "y"))
-        time = number_in(told, "time")
-        parts = [f"{method(name).label} got stuck and did not reach the goal"]
-        if time is not None:
-            parts.append(f"after {seconds(time)}")
-        spot = None if place[0] is None or place[1] is None else (place[0], place[1])
-        if spot is not None:
-            parts.append(f"at ({spot[0]:.2f}, {spot[1]:.2f})\u00a0m".replace("-", "−"))
-        left = number_in(plan, "goal_distance")
-        if left is not None:
-            parts.append(f"{metres(left)} from the goal")
-        why = [STUCK.get(reason, reason.replace("_", " ")), words(told.get("message"))]
-        text = (
-            ", ".join(parts)
-            + "".join(f": {w}" for w in why[:1] if w)
-            + "".join(f" ({w})" for w in why[1:] if w)
-        )
-        runs.append(StuckRun(method=name, sentence=text + ".", place=spot))
-    return runs
-
-
 def reference_plan(result: Result) -> str:
     """What times are compared with: the variational optimum, else the lower bound."""
     times = travel_times(result)
@@ -312,23 +271,7 @@ def time_rows(result: Result) -> list[TimeRow]:
                 executed=name == executed_plan(result),
             )
         )
-    return rows + [_stuck_row(result, run.method) for run in stuck_runs(result)]
-
-
-def _stuck_row(result: Result, name: str) -> TimeRow:
-    facts = mapping(mapping(result, "plans"), name)
-    return TimeRow(
-        look=method(name),
-        model=words(facts.get("model")).replace("_", " ") or DASH,
-        travel_time="stuck",
-        above="no time",
-        length=f"{metres(number_in(facts, 'length'))} so far",
-        solver=DASH,
-        intervals=DASH,
-        iterations=DASH,
-        compute_time=duration(number_in(facts, "compute_time")),
-        executed=False,
-    )
+    return rows
 
 
 def key_figures(result: Result, evidence: Evidence) -> list[KeyFigure]:

@@ -8,8 +8,10 @@ from typing import Any
 
 from verify.report.numbers import count, metres, number_in, percent, seconds, significant
 from verify.report.story import OPTIMA, KeyFigure, Result, entries, mapping, travel_times, words
+from verify.report.text import plain
 
 COSTS = ("published", "realised")
+LONGEST_NAME = 80  # characters of a class in a sentence
 CLOSE = 1e-3  # relative: a radius this near to the one wanted is that one
 
 
@@ -69,8 +71,11 @@ def _facts(graph: Mapping[str, Any], route: Mapping[str, Any]) -> tuple[KeyFigur
             "–" if share is None else f"{100.0 * share:.0f}\u00a0%",
             "the source calls this generic",
         ),
-        KeyFigure("Saddles", count(number_in(graph, "saddles")), "Type I critical points"),
-        KeyFigure("Maxima", count(number_in(graph, "maxima")), "Type II critical points"),
+        KeyFigure(
+            "Critical points",
+            f"{count(number_in(graph, 'saddles'))} + {count(number_in(graph, 'maxima'))}",
+            "saddles (Type I) and maxima (Type II)",
+        ),
         KeyFigure("Adjacency graph", f"{count(nodes)} + {count(edges)}", "vertices and edges"),
         KeyFigure(
             "Chain of the route",
@@ -129,7 +134,8 @@ def cost_sentence(plan: Mapping[str, Any]) -> str:
 
 
 def _named(name: str) -> str:
-    return f"“{name if len(name) <= 80 else name[:79] + '…'}”"
+    shown = plain(name)
+    return f"“{shown if len(shown) <= LONGEST_NAME else shown[: LONGEST_NAME - 1] + '…'}”"
 
 
 def _driven(plan: Mapping[str, Any]) -> str:

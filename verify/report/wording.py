@@ -182,8 +182,8 @@ GLOSSARY: tuple[tuple[str, str, str], ...] = (
     ),
     (
         "Stack of cells",
-        "The part of F^v around one maximum, parted from the next by vertical partitions through the saddles, "
-        "and cut into cells by horizontal partitions at the heights of its critical points.",
+        "The part of F^v around one maximum, parted from the next by vertical partitions through the "
+        "saddles, and cut into cells by horizontal partitions at the heights of its critical points.",
         f"{THESIS}, Definitions 6 to 8",
     ),
     (

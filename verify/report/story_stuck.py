@@ -1,0 +1,70 @@
+"""Runs that gave up on their way: they have no travel time, and stand nowhere as if they had one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from verify.report.numbers import DASH, duration, metres, number_in, seconds
+from verify.report.palette import method
+from verify.report.story import Result, TimeRow, is_stuck, mapping, words
+from verify.report.text import plain
+from verify.report.wording import STUCK
+
+
+@dataclass(frozen=True, kw_only=True)
+class StuckRun:
+    """A run that did not reach the goal."""
+
+    method: str
+    sentence: str  # why, when and where it gave up
+    place: tuple[float, float] | None  # [m]
+    row: TimeRow  # for the table of travel times
+
+
+def stuck_runs(result: Result) -> list[StuckRun]:
+    """The plans that never reached the goal."""
+    plans = mapping(result, "plans")
+    names = [name for name in plans if isinstance(name, str) and is_stuck(result, name)]
+    return [_run(name, mapping(plans, name)) for name in names]
+
+
+def _run(name: str, plan: Mapping[str, Any]) -> StuckRun:
+    told = mapping(plan, "stuck")
+    place = _place(told.get("place"))
+    parts = [f"{method(name).label} got stuck and did not reach the goal"]
+    time, left = number_in(told, "time"), number_in(plan, "goal_distance")
+    if time is not None:
+        parts.append(f"after {seconds(time)}")
+    if place is not None:
+        parts.append(f"at ({place[0]:.2f}, {place[1]:.2f})\u00a0m".replace("-", "−"))
+    if left is not None:
+        parts.append(f"{metres(left)} from the goal")
+    reason, more = words(told.get("reason")), plain(words(told.get("message")))
+    why = STUCK.get(reason, plain(reason.replace("_", " ")))
+    text = ", ".join(parts) + (f": {why}" if why else "") + (f" ({more})" if more else "")
+    return StuckRun(method=name, sentence=text + ".", place=place, row=_row(name, plan))
+
+
+def _place(at: Any) -> tuple[float, float] | None:
+    if not isinstance(at, list | tuple) or len(at) != 2:
+        return None
+    x, y = (number_in({"at": value}, "at") for value in at)
+    return None if x is None or y is None else (x, y)
+
+
+def _row(name: str, plan: Mapping[str, Any]) -> TimeRow:
+    length = number_in(plan, "length")
+    return TimeRow(
+        look=method(name),
+        model=words(plan.get("model")).replace("_", " ") or DASH,
+        travel_time="stuck",
+        above="no time",
+        length=DASH if length is None else f"{metres(length)} so far",
+        solver=DASH,
+        intervals=DASH,
+        iterations=DASH,
+        compute_time=duration(number_in(plan, "compute_time")),
+        executed=False,
+    )
