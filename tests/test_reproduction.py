@@ -10,10 +10,16 @@ import pytest
 import shapely
 from scipy.optimize import brentq
 
-from benchmarks.reproduction import fire, page, room, two_rooms, warehouse
+from benchmarks.reproduction import fire, page, room, two_rooms, warehouse, warehouse_map
+from benchmarks.reproduction.__main__ import main
+from vnav_drake.braking import UniformBraking
+from vnav_drake.problem import End, Problem
+from vnav_drake.robot import Robot
 from vnav_drake.scenario import load_scenario
+from vnav_drake.speed_graph import speed_graph
 from vnav_drake.vc_method import realise
 from vnav_drake.voronoi import build_diagram
+from vnav_drake.world import Obstacle, World
 
 KEPT = page.read()
 PAGE = page.PAGE.read_text(encoding="utf-8")
@@ -50,50 +56,124 @@ def test_a_row_of_another_length_is_refused():
         page.table(("a", "b"), [("1", "2", "3")])
 
 
+def test_the_command_measures_one_topic_and_keeps_the_others(tmp_path, monkeypatch):
+    for name in ("PAGE", "DATA"):
+        monkeypatch.setattr(page, name, tmp_path / name)
+    monkeypatch.setattr(page, "IMAGES", tmp_path)
+    stale = {part: dict(values) for part, values in KEPT.items()}
+    stale["topics"]["room"] = stale["topics"]["room"] | {"graphs": {}}
+    page.write(stale)
+    assert main(["--only", "room"]) == 0
+    again = page.read()
+    assert set(again["topics"]["room"]["graphs"]) == {"published", "sampled"}
+    assert {k: v for k, v in again["topics"].items() if k != "room"} == {
+        k: v for k, v in KEPT["topics"].items() if k != "room"
+    }
+    assert (tmp_path / "PAGE").read_text(encoding="utf-8") == page.render(again)
+    assert (tmp_path / "reproduction_room.svg").is_file()
+
+
+def test_the_command_knows_its_topics(capsys):
+    with pytest.raises(SystemExit):
+        main(["--only", "attic"])
+    assert "warehouse" in capsys.readouterr().err
+
+
 # The warehouse
 
 
 @pytest.fixture(scope="module")
-def warehouse_now():
-    return warehouse.measure()
+def left():
+    return warehouse.reading("left")
 
 
-def test_warehouse_is_measured_again(warehouse_now):
-    was = kept("warehouse")
+@pytest.fixture(scope="module")
+def right():
+    return warehouse.reading("right")
+
+
+@pytest.mark.parametrize("name", ["left", "right"])
+def test_warehouse_is_measured_again(name, request):
+    now, was = request.getfixturevalue(name), kept("warehouse")["readings"][name]
     for key in ("best", "shortest"):
-        assert warehouse_now[key]["name"] == was[key]["name"]
-        assert warehouse_now[key]["time"] == pytest.approx(was[key]["time"], rel=1e-9)
+        assert now[key]["name"] == was[key]["name"]
+        assert now[key]["time"] == pytest.approx(was[key]["time"], rel=1e-9)
     for key in ("vc_method", "vc_method_in_gaps"):
-        assert warehouse_now[key]["time"] == pytest.approx(was[key]["time"], rel=1e-6)
-    names = [c["name"] for c in was["classes"]]
-    assert [c["name"] for c in warehouse_now["classes"]] == names
-    assert len(names) == len(set(names)) == warehouse.CLASSES
+        assert now[key]["time"] == pytest.approx(was[key]["time"], rel=1e-6)
+    assert now["shortest_way"]["name"] == was["shortest_way"]["name"]
+    assert [c["name"] for c in now["classes"]] == [c["name"] for c in was["classes"]]
 
 
-def test_the_class_through_the_gaps_takes_longer_than_its_gaps_allow(warehouse_now):
-    # 10 m + 5 m + 10 m of gaps 1 m wide (Manor 2015, Sec. 3.7), clearance 0.5 - 0.4 m, V = sqrt(2 * 1 * 0.1).
-    bound = 25.0 / math.sqrt(0.2)
-    assert warehouse.least_time(warehouse_now) == pytest.approx(bound, rel=1e-12)
-    assert warehouse.PRINTED_SHORTEST < bound < warehouse_now["shortest"]["time"]
-    assert warehouse_now["shortest"]["time"] < warehouse_now["vc_method_in_gaps"]["time"]
+@pytest.mark.parametrize(("name", "metres"), [("left", 25.0), ("right", 15.0)])
+def test_the_class_through_the_gaps_takes_longer_than_its_gaps_allow(name, metres, request):
+    # 10 m + 5 m (+ 10 m) of gaps 1 m wide (Manor 2015, Sec. 3.7): clearance 0.1 m, V = sqrt(2 * 1 * 0.1).
+    found, bound = request.getfixturevalue(name), metres / math.sqrt(0.2)
+    assert warehouse.least_time(found) == pytest.approx(bound, rel=1e-12)
+    assert bound < found["shortest"]["time"] < found["vc_method_in_gaps"]["time"]
+    # On the left the printed time is below it, on the right above.
+    assert (bound > warehouse.PRINTED_SHORTEST) == (name == "left")
 
 
-def test_the_vc_method_is_not_faster_than_the_optimum(warehouse_now):
+def test_the_vc_method_is_not_faster_than_the_optimum(left):
     # [25.44124, 25.44170] s holds the optimum (scenarios/warehouse.yaml).
-    assert 25.44124 <= warehouse_now["best"]["time"] <= 25.44170 < warehouse_now["vc_method"]["time"]
+    assert 25.44124 <= left["best"]["time"] <= 25.44170 < left["vc_method"]["time"]
 
 
-def test_no_class_takes_the_printed_time(warehouse_now):
+def test_no_class_takes_the_printed_time_with_the_target_at_the_left(left):
     # The second class and the third lie on both sides of it; every optimum is certified.
-    times = [c["time"] for c in warehouse_now["classes"]]
+    times = [c["time"] for c in left["classes"]]
     assert times == sorted(times)
-    assert all(c["certified"] for c in warehouse_now["classes"])
+    assert all(c["certified"] for c in left["classes"])
     assert times[1] < warehouse.PRINTED_SHORTEST < times[2]
+
+
+def test_the_printed_times_fit_a_target_at_the_right(right):
+    # 31.2 s, 42.9 s and their ratio (Manor 2015, Sec. 3.7), with the start of the scenario.
+    assert right["best"]["time"] == pytest.approx(31.2, rel=0.025)
+    assert right["shortest"]["time"] == pytest.approx(42.9, rel=0.025)
+    assert right["shortest"]["time"] / right["best"]["time"] == pytest.approx(42.9 / 31.2, rel=0.005)
+
+
+def test_the_fitted_start_gives_the_first_printed_time():
+    fitted = kept("warehouse")["fitted"]
+    asked = warehouse_map.problem("right", tuple(fitted["start"]))
+    best = speed_graph(asked, classes=1, with_published=False).classes[0]
+    assert best.travel_time == pytest.approx(31.2, abs=1e-3)
+    assert fitted["shortest"] == pytest.approx(42.9, rel=0.01)
+
+
+def test_the_printed_class_is_the_shortest_on_the_right_only(left, right):
+    assert right["shortest_way"]["name"] == right["shortest"]["name"]
+    assert left["shortest_way"]["name"] != left["shortest"]["name"]
+
+
+def test_the_shortest_way_round_one_rack_by_hand():
+    # A box of 2 m, radius 0.4 m, ends 3 m beside its middle: tangents from (-3, 0) and (3, 0) to the circles
+    # around the upper corners (-1, 1) and (1, 1), an arc on each, and 2 m along the top.
+    box = Obstacle(((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)), "O1")
+    world = World.build([(-5, -5), (5, -5), (5, 5), (-5, 5)], [box])
+    asked = Problem(
+        world=world,
+        robot=Robot(radius=0.4),
+        braking=UniformBraking(max_braking=1.0),
+        start=End(position=(-3.0, 0.0)),
+        goal=End(position=(3.0, 0.0)),
+    )
+    far = math.hypot(2.0, 1.0)  # to the corner
+    tangent = math.sqrt(far * far - 0.16)
+    rise = math.atan2(1.0, 2.0) + math.asin(0.4 / far)  # of the tangent, which is the arc's angle too
+    expected = 2.0 * (tangent + 0.4 * rise) + 2.0
+    way = warehouse_map.shortest_way(asked)
+    found = np.hypot(*np.diff(way, axis=0).T).sum()
+    # The polygon around the circle has 32 sides: its corners lie 0.4 (1 / cos(pi / 32) - 1) = 1.9 mm outside,
+    # and a way along it is longer by no more than twice that a corner.
+    assert expected <= found <= expected + 2.0 * 2.0 * 0.4 * (1.0 / math.cos(math.pi / 32) - 1.0)
+    assert asked.clearance(way).min() >= 0.0
 
 
 def test_clearance_in_the_gaps_is_what_the_proof_says():
     # Independent of racks and boxes: sample the three gaps and ask the world.
-    asked = warehouse.problem()
+    asked = warehouse_map.problem()
     for x, y in (((15, 25), (15, 16)), ((14, 15), (16, 21)), ((4, 14), (21, 22))):
         grid = np.stack(np.meshgrid(np.linspace(*x, 101), np.linspace(*y, 101)), axis=-1)
         assert asked.clearance(grid).max() == pytest.approx(0.1, abs=1e-12)
@@ -101,7 +181,12 @@ def test_clearance_in_the_gaps_is_what_the_proof_says():
 
 def test_racks_that_do_not_face_each_other_are_no_gap():
     with pytest.raises(ValueError, match="no gap"):
-        warehouse.passage(warehouse.problem(), "O1", "O4")
+        warehouse_map.passage(warehouse_map.problem(), "O1", "O4")
+
+
+def test_there_are_two_readings():
+    with pytest.raises(ValueError, match="must be 'left' or 'right'"):
+        warehouse_map.problem("upper")
 
 
 # The four-point room

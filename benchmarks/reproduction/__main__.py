@@ -40,9 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in chosen.only:
         if name in kept["topics"]:
             for file in page.draw(known[name], kept["topics"][name]):
-                print(f"{file.relative_to(page.ROOT)}: {file.stat().st_size // 1024} kB")
+                print(f"{file}: {file.stat().st_size // 1024} kB")
     page.PAGE.write_text(page.render(kept), encoding="utf-8")
-    print(page.PAGE.relative_to(page.ROOT))
+    print(page.PAGE)
     return 0
 
 
