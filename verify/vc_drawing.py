@@ -16,9 +16,9 @@ from vnav_drake.vc_method.planner import COSTS, VcResult
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-MOST_STACKS = 120  # drawn: more are a thicket
+MOST_SLOPES = 600  # whose stacks are drawn: more are a thicket
 PIECES_ACROSS = 45  # of the roof along the world's diameter, at the finest
-MOST_PATCHES = 4500  # of the roof
+MOST_PATCHES = 3600  # of the roof
 COARSER = 1.3  # by which pieces of the roof grow until there are few enough
 ARC_POINTS = 12  # that one arc is drawn with
 CHAIN_POINTS = 24  # that an edge of the graph is drawn with
@@ -27,8 +27,8 @@ CHAIN_POINTS = 24  # that an edge of the graph is drawn with
 def vc_drawing(problem: Problem, result: VcResult) -> VcDrawing:
     """All that the report draws of the vc-method.
 
-    Of worlds with more than MOST_STACKS stacks those nearest to the route are drawn, and the drawing says
-    how many there are.
+    Of worlds with more than MOST_SLOPES slopes the stacks nearest to the route are drawn, and the drawing
+    says how many there are.
     """
     route = sampled(result.route.curves).points
     diagram = result.decomposition.diagram
@@ -81,7 +81,9 @@ def _shown(result: VcResult, route: Array) -> Indices:
     decomposition = result.decomposition
     away = cKDTree(route).query(result.critical.point[decomposition.maximum])[0]
     away[decomposition.cell_stack[list(result.route.cells)]] = -1.0
-    return np.sort(np.argsort(away, kind="stable")[:MOST_STACKS])
+    order = np.argsort(away, kind="stable")
+    slopes = np.bincount(decomposition.slope_stack, minlength=len(order))[order]
+    return np.sort(order[: max(1, int(np.searchsorted(np.cumsum(slopes), MOST_SLOPES, side="right")))])
 
 
 def _roof(problem: Problem, result: VcResult, slopes: Indices) -> Array:

@@ -53,9 +53,8 @@ def roof(
 ) -> Array:
     """Patches (n, 4, 3) [m, m, m/s] of the roof along some slopes, pieces about `spacing` [m] long."""
     d = decomposition.slopes
-    pieces = np.clip(np.ceil(d.curves.length[slopes] / spacing), 2, MOST_PIECES).astype(np.int64)
-    flat = d.level[slopes]
-    pieces[flat] = 1
+    pieces = np.clip(np.ceil(d.curves.length[slopes] / spacing), 1, MOST_PIECES).astype(np.int64)
+    pieces[d.level[slopes]] = 1
     row = np.repeat(slopes, pieces)
     part = np.arange(len(row)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     share = np.stack([part, part + 1], axis=1) / np.repeat(pieces, pieces)[:, None]

@@ -177,7 +177,7 @@ def _driven(result: VcResult, line: Line) -> tuple[Array, Array]:
     place = line.s[np.argmin(np.where(far, np.inf, away), axis=1)]
     place = np.maximum.accumulate(place)
     corners, after = [], 0
-    for i, point in enumerate(found.point):
+    for point, radius, wanted in zip(found.point, found.radius, found.wanted, strict=True):
         after += int(np.argmin(np.hypot(*(points[after:] - point).T)))
-        corners.append((place[after], found.speed[i], found.radius[i], found.wanted[i]))
+        corners.append((place[after], speed[after], radius, wanted))
     return np.column_stack([place, speed]), np.array(corners).reshape(-1, 4)

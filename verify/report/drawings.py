@@ -98,7 +98,7 @@ class UnfoldedDrawing:
     nodes: Array  # (j,), arc lengths of the Voronoi nodes passed
     chain: Array  # (c, 2), the vertices of the chain of cells
     driven: Array  # (m, 2), the motion on the smooth path, its places taken to the arcs
-    corners: Array  # (r, 4), arc length, speed, radius taken, radius wanted [m]
+    corners: Array  # (r, 4), arc length and speed in the middle, radius taken and wanted [m]
 
 
 @dataclass(frozen=True, kw_only=True)

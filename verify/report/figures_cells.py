@@ -8,13 +8,12 @@ import numpy as np
 import shapely
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.patches import PathPatch
 
 from verify.report.curves import halo
 from verify.report.drawings import VcDrawing
 from verify.report.figures_map import draw_ends, draw_world, map_height, outline
-from verify.report.figures_space import shown_words
+from verify.report.figures_space import one_outline, shown_words
 from verify.report.figures_unfolded import MOST_NUMBERS
 from verify.report.numbers import count
 from verify.report.palette import ARC, CASING, INK, LIMIT, PAPER, method
@@ -60,8 +59,8 @@ def _draw(problem: Problem, drawing: VcDrawing, described: dict[str, str], width
                 )
     size = world.diameter
     arcs = [np.column_stack(thinned_path(arc[:, 0], arc[:, 1], size)) for arc in drawing.arcs if len(arc) > 1]
-    axes.add_collection(LineCollection(arcs, colors=ARC.light, linewidths=0.7))
-    axes.add_collection(LineCollection(list(space.feet), colors=LIMIT.light, linewidths=1.4 * thin))
+    axes.add_patch(PathPatch(one_outline(arcs), fill=False, edgecolor=ARC.light, lw=0.7))
+    axes.add_patch(PathPatch(one_outline(list(space.feet)), fill=False, edgecolor=LIMIT.light, lw=1.4 * thin))
     if drawing.other is not None:
         axes.plot(
             *thinned_path(drawing.other[:, 0], drawing.other[:, 1], size), color=INK.light, lw=1.8 * thin,
@@ -93,10 +92,15 @@ def _numbers(axes: Axes, drawing: VcDrawing, size: float) -> None:
     run = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(drawing.route, axis=0).T))])
     for number, stack in enumerate(drawing.unfolded.stacks, 1):
         middle = 0.5 * (stack.begin + stack.end) / drawing.unfolded.s[-1] * run[-1]
-        at = [float(np.interp(middle, run, drawing.route[:, k])) for k in (0, 1)]
+        here, ahead = (
+            np.array([np.interp(at, run, drawing.route[:, k]) for k in (0, 1)])
+            for at in (middle, middle + 0.01 * run[-1])
+        )
+        along = (ahead - here) / max(float(np.hypot(*(ahead - here))), 1e-300)
         halo(
             axes.annotate(
-                str(number), (at[0], at[1]), (8, 8), textcoords="offset points", ha="center", va="center",
-                fontsize=size, weight="bold", color=INK.light, zorder=6,
+                str(number), (here[0], here[1]), (-12 * along[1], 12 * along[0]),
+                textcoords="offset points", ha="center", va="center", fontsize=size, weight="bold",
+                color=INK.light, zorder=6,
             )
         )  # fmt: skip

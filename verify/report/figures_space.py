@@ -7,8 +7,10 @@ nothing of the graph is hidden behind the roof that it runs under.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import groupby
 
 import matplotlib
 import numpy as np
@@ -44,7 +46,8 @@ from vnav_drake.problem import Problem
 Array = NDArray[np.float64]
 
 HEIGHT = 0.34  # of the greatest speed in the picture, as a share of the world's longer side
-SHADES = 24  # of the roof
+SHADES = 16  # of the roof
+DEPTHS = 48  # steps from the back to the front in which faces are painted
 ROOF_ALPHA = 0.42
 CELL_ALPHA = 0.30
 
@@ -72,20 +75,22 @@ class View:
         return np.asarray(math.cos(self.azimuth) * points[..., 0] + math.sin(self.azimuth) * points[..., 1])
 
 
-def standing_view(problem: Problem, space: SpaceDrawing) -> View:
+def standing_view(problem: Problem, drawing: VcDrawing) -> View:
     """The view of the picture on paper: from the south, a little from the side."""
     x0, y0, x1, y1 = problem.world.bounds
-    return View(math.radians(-68.0), math.radians(42.0), HEIGHT * max(x1 - x0, y1 - y0) / top_speed(space))
+    return View(math.radians(-68.0), math.radians(42.0), HEIGHT * max(x1 - x0, y1 - y0) / top_speed(drawing))
 
 
-def top_speed(space: SpaceDrawing) -> float:
-    """[m/s], at the highest point of the roof; 1 where there is no roof."""
-    return float(space.roof[..., 2].max(initial=0.0)) or 1.0
+def top_speed(drawing: VcDrawing) -> float:
+    """[m/s], at the highest point of the roof that is drawn; 1 where there is none."""
+    highest = (drawing.space.roof[..., 2], drawing.unfolded.roof)
+    return max(float(speed.max(initial=0.0)) for speed in highest) or 1.0
 
 
-def shades_of(space: SpaceDrawing) -> NDArray[np.int64]:
+def shades_of(drawing: VcDrawing) -> NDArray[np.int64]:
     """(n,) the shade of each patch of the roof, from 0 to SHADES - 1."""
-    return np.round(space.roof[..., 2].mean(axis=1) / top_speed(space) * (SHADES - 1)).astype(np.int64)
+    share = drawing.space.roof[..., 2].mean(axis=1) / top_speed(drawing)
+    return np.round(share * (SHADES - 1)).astype(np.int64)
 
 
 def profile_on_map(drawing: VcDrawing) -> Array:
@@ -102,7 +107,7 @@ def shown_words(space: SpaceDrawing) -> str:
     """How many stacks are drawn, as a sentence; empty when it is all of them."""
     if space.stacks >= space.total:
         return ""
-    return f"Of {count(space.total)} stacks the {count(space.stacks)} nearest to the route are drawn."
+    return f"Of {count(space.total)} stacks {count(space.stacks)} on or near the route are drawn."
 
 
 def draw_space(problem: Problem, drawing: VcDrawing) -> Picture:
@@ -134,8 +139,8 @@ def draw_space(problem: Problem, drawing: VcDrawing) -> Picture:
 
 def _draw(problem: Problem, drawing: VcDrawing, described: dict[str, str], width: float) -> Markup:
     space, wide = drawing.space, width == WIDE
-    view = standing_view(problem, space)
-    low, high = _extent(problem, space, view)
+    view = standing_view(problem, drawing)
+    low, high = _extent(problem, drawing, view)
     figure = new_figure(width, width * float(np.clip((high[1] - low[1]) / (high[0] - low[0]), 0.3, 1.2)))
     figure.set_layout_engine("none")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -144,22 +149,22 @@ def _draw(problem: Problem, drawing: VcDrawing, described: dict[str, str], width
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     _floor(axes, problem, view)
-    _faces(axes, space, view)
+    _faces(axes, drawing, view)
     thin = 1.0 if wide else 0.6
-    axes.add_collection(
-        LineCollection([view.flat(r) for r in space.ridges], colors=ARC.light, linewidths=0.9 * thin)
-    )
+    ridges = one_outline([view.flat(ridge) for ridge in space.ridges])
+    axes.add_patch(PathPatch(ridges, fill=False, edgecolor=ARC.light, lw=0.9 * thin))
     _graph(axes, space.graph, view, thin)
     _route(axes, drawing, view, thin)
     _critical(axes, space, view, thin)
-    _scale(axes, problem, space, view)
+    _scale(axes, problem, drawing, view)
     return to_svg(figure, **described)
 
 
-def _extent(problem: Problem, space: SpaceDrawing, view: View) -> tuple[Array, Array]:
+def _extent(problem: Problem, drawing: VcDrawing, view: View) -> tuple[Array, Array]:
     corners = np.array(shapely.get_coordinates(problem.world.boundary))
     ground = np.column_stack([corners, np.zeros(len(corners))])
-    every = np.concatenate([view.flat(ground), view.flat(space.roof.reshape(-1, 3))])
+    tops = [drawing.space.roof.reshape(-1, 3), profile_on_map(drawing)]
+    every = view.flat(np.concatenate([ground, *tops]))
     low, high = every.min(axis=0), every.max(axis=0)
     pad = 0.03 * (high - low).max()
     return low - [2.0 * pad, pad], high + pad
@@ -191,11 +196,11 @@ def _floor(axes: Axes, problem: Problem, view: View) -> None:
     axes.plot(*view.flat(np.column_stack([spots, np.zeros(len(spots))])).T, "o", color=INK.light, ms=3)
 
 
-def _faces(axes: Axes, space: SpaceDrawing, view: View) -> None:
-    """Roof and partitions from the back to the front, neighbours of one colour as one element."""
+def _faces(axes: Axes, drawing: VcDrawing, view: View) -> None:
+    """Roof and partitions from the back to the front; of one colour and about one depth as one element."""
     shade = matplotlib.colormaps[SPEED_MAP].resampled(SHADES)
     ways: list[tuple[float, str, float, Outline]] = []
-    level = shades_of(space)
+    space, level = drawing.space, shades_of(drawing)
     near = view.nearness(space.roof).mean(axis=1)
     for patch, depth, part in zip(view.flat(space.roof), near, level, strict=True):
         ways.append(
@@ -208,14 +213,20 @@ def _faces(axes: Axes, space: SpaceDrawing, view: View) -> None:
     for speed, plan in space.horizontal:
         depth = float(view.nearness(np.array([*plan.centroid.coords[0], speed])))
         ways += [(depth, MUTED.light, CELL_ALPHA, path) for path in _projected(view, plan, speed)]
-    ways.sort(key=lambda way: way[0])
-    start = 0
-    for i in range(1, len(ways) + 1):
-        if i == len(ways) or ways[i][1:3] != ways[start][1:3]:
-            path = Outline.make_compound_path(*(way[3] for way in ways[start:i]))
-            _, colour, alpha, _ = ways[start]
-            axes.add_patch(PathPatch(path, facecolor=colour, edgecolor="none", alpha=alpha, lw=0.0))
-            start = i
+    low, high = min(way[0] for way in ways), max(way[0] for way in ways)
+    ways.sort(key=lambda way: (round(DEPTHS * (way[0] - low) / ((high - low) or 1.0)), way[1:3]))
+    for (_, colour, alpha), same in groupby(ways, key=lambda way: (0.0, *way[1:3])):
+        path = Outline.make_compound_path(*(way[3] for way in same))
+        axes.add_patch(
+            PathPatch(path, facecolor=colour, edgecolor="none", alpha=alpha, lw=0.0, clip_on=False)
+        )
+
+
+def one_outline(lines: Sequence[Array]) -> Outline:
+    """Lines (n, 2) as one outline: a fraction of the size of one element each."""
+    kept = [line for line in lines if len(line) > 1]
+    codes = [np.where(np.arange(len(line)) == 0, Outline.MOVETO, Outline.LINETO) for line in kept]
+    return Outline(np.concatenate([np.zeros((0, 2)), *kept]), np.concatenate([np.zeros(0, int), *codes]))
 
 
 def _graph(axes: Axes, graph: CellGraphDrawing, view: View, thin: float) -> None:
@@ -227,9 +238,9 @@ def _graph(axes: Axes, graph: CellGraphDrawing, view: View, thin: float) -> None
         dash = "solid" if lines is graph.type_a else (0, (1.5, 1.2))
         for on, colour, broad in ((False, INK.light, 0.9), (True, look.text, 2.6)):
             some = [view.flat(line) for line, flag in zip(lines, flags, strict=True) if flag == on]
-            axes.add_collection(
-                LineCollection(
-                    some, colors=colour, linewidths=broad * thin, linestyles=[dash], capstyle="butt"
+            axes.add_patch(
+                PathPatch(
+                    one_outline(some), fill=False, edgecolor=colour, lw=broad * thin, ls=dash, capstyle="butt"
                 )
             )
     flat = view.flat(graph.nodes)
@@ -265,19 +276,19 @@ def _route(axes: Axes, drawing: VcDrawing, view: View, thin: float) -> None:
         )  # fmt: skip
 
 
-def speed_axis(problem: Problem, space: SpaceDrawing, view: View) -> list[tuple[str, Array]]:
+def speed_axis(problem: Problem, drawing: VcDrawing, view: View) -> list[tuple[str, Array]]:
     """Ticks of an axis of speeds at the leftmost corner: words and place (1, 3) [m, m, m/s]."""
     corners = np.array(shapely.get_coordinates(problem.world.boundary))
     ground = view.flat(np.column_stack([corners, np.zeros(len(corners))]))
     x, y = corners[int(np.argmin(ground[:, 0]))]
-    speeds = _ticks(top_speed(space))
+    speeds = _ticks(top_speed(drawing))
     words = [f"{speed:g}" for speed in speeds[:-1]] + [f"{speeds[-1]:g} m/s"]
     return [(text, np.array([[x, y, speed]])) for text, speed in zip(words, speeds, strict=True)]
 
 
-def _scale(axes: Axes, problem: Problem, space: SpaceDrawing, view: View) -> None:
+def _scale(axes: Axes, problem: Problem, drawing: VcDrawing, view: View) -> None:
     """The axis of speeds."""
-    ticks = speed_axis(problem, space, view)
+    ticks = speed_axis(problem, drawing, view)
     axes.plot(
         *view.flat(np.concatenate([place for _, place in ticks])).T, "_-", color=INK.light, lw=1.0, ms=6
     )

@@ -25,6 +25,7 @@ RUNS: dict[str, tuple[str, str, Dash, float]] = {
     "accelerate": ("accelerating at a_max", method("refined").text, (0, (6, 1.5)), 2.6),
     "brake": ("braking at a_b", method("simulation").text, (0, (1.6, 1.2)), 2.6),
 }
+MOST_RADII = 20  # more corners than that are marked without their radius
 MOST_NUMBERS = 40  # more stacks than that are not numbered
 
 
@@ -84,7 +85,7 @@ def _draw(found: UnfoldedDrawing, described: dict[str, str], width: float) -> Ma
     axes.plot(
         found.corners[:, 0], found.corners[:, 1], "o", mfc=PAPER.light, mec=look.text, ms=6, mew=1.6, zorder=7
     )
-    if wide:
+    if wide and len(found.corners) <= MOST_RADII:
         _radii(axes, found)
     label_curves(axes, labelled, size=9.5)
     return to_svg(figure, **described)

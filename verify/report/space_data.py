@@ -17,7 +17,7 @@ from markupsafe import Markup
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
-from verify.report.drawings import SpaceDrawing, VcDrawing
+from verify.report.drawings import VcDrawing
 from verify.report.figures_space import (
     CELL_ALPHA,
     HEIGHT,
@@ -42,7 +42,7 @@ def space_data(problem: Problem, drawing: VcDrawing) -> Markup:
     """What the viewer draws, as the text of a JSON data block."""
     space, world = drawing.space, problem.world
     x0, y0, x1, y1 = world.bounds
-    side, top = max(x1 - x0, y1 - y0), top_speed(space)
+    side, top = max(x1 - x0, y1 - y0), top_speed(drawing)
     scale = np.array([UNIT / side, UNIT / side, UNIT / top])
     origin = np.array([x0, y0, 0.0])
 
@@ -55,11 +55,11 @@ def space_data(problem: Problem, drawing: VcDrawing) -> Markup:
     def shapes(lines: Iterable[Array]) -> list[list[int]]:
         return [numbers(line) for line in lines]
 
-    view, look = standing_view(problem, space), method("vc_method")
+    view, look = standing_view(problem, drawing), method("vc_method")
     place = profile_on_map(drawing)
     ends = np.stack([place[[0, -1]] * [1.0, 1.0, 0.0], place[[0, -1]]], axis=1)
     graph = space.graph
-    ticks = speed_axis(problem, space, view)
+    ticks = speed_axis(problem, drawing, view)
     data: dict[str, Any] = {
         "unit": UNIT,
         "size": [(x1 - x0) / side * UNIT, (y1 - y0) / side * UNIT],
@@ -69,7 +69,7 @@ def space_data(problem: Problem, drawing: VcDrawing) -> Markup:
         "faces": [
             _faces("plan", "--floor", 1.0, ground(_rings([world.boundary]))),
             _faces("plan", "--rack", 1.0, ground(_rings(world.blocked))),
-            *_roof(space, shapes),
+            *_roof(drawing, shapes),
             _faces("cells", "--limit", CELL_ALPHA, shapes(space.vertical)),
             _faces(
                 "cells", "--muted", CELL_ALPHA,
@@ -124,12 +124,12 @@ def _picked(lines: Sequence[Array], flags: Sequence[bool], on: bool) -> list[Arr
     return [line for line, flag in zip(lines, flags, strict=True) if flag == on]
 
 
-def _roof(space: SpaceDrawing, shapes: Any) -> list[dict[str, Any]]:
+def _roof(drawing: VcDrawing, shapes: Any) -> list[dict[str, Any]]:
     """The roof's patches, those of one shade together."""
     shade = matplotlib.colormaps[SPEED_MAP].resampled(SHADES)
-    level = shades_of(space)
+    level = shades_of(drawing)
     return [
-        _faces("roof", to_hex(shade(int(k))), ROOF_ALPHA, shapes(space.roof[level == k]))
+        _faces("roof", to_hex(shade(int(k))), ROOF_ALPHA, shapes(drawing.space.roof[level == k]))
         for k in np.unique(level)
     ]
 

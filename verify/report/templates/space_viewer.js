@@ -123,10 +123,10 @@
     canvas.style.height = `${high}px`;
     canvas.width = Math.round(wide * ratio);
     canvas.height = Math.round(high * ratio);
-    const project = projector();
+    const project = projector(), fine = ratio * Math.min(1, 0.45 + wide / 1600);
     faces(project);
-    lines(project, ratio);
-    marks(project, ratio);
+    lines(project, fine);
+    marks(project, fine);
     words(project, ratio);
   }
 
