@@ -15,6 +15,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +35,8 @@ IMAGES = ROOT / "docs" / "images"
 TOPICS = ("warehouse", "office", "room", "two_rooms", "clusters", "create", "fire", "ratios")
 
 Data = dict[str, Any]
+
+_NUMBERS = re.compile(r"\[[-+.\deE,\s]+\]")  # a list of nothing else, which goes on one line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +105,8 @@ def read() -> Data:
 def write(kept: Data) -> None:
     """Keep it, topics in the order of the page."""
     ordered = {part: {t: kept[part][t] for t in TOPICS if t in kept[part]} for part in ("topics", "seconds")}
-    DATA.write_text(json.dumps(ordered, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    text = json.dumps(ordered, indent=1, allow_nan=False)
+    DATA.write_text(_NUMBERS.sub(lambda found: " ".join(found[0].split()), text) + "\n", encoding="utf-8")
 
 
 def draw(topic: Topic, data: Data) -> list[Path]:
