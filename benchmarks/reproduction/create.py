@@ -31,7 +31,7 @@ GATES = ("O1/O2", "O2/O3", "O1/boundary")
 COLOURS = (ORANGE, GREEN, BLUE)
 ROUTES = 12  # along Voronoi arcs, among which the trajectories are looked for
 SHIFT = 0.005  # [m], by which the first gap is made narrower and wider
-SAMPLES = 181  # of a drawing
+SAMPLES = 121  # of a drawing
 
 
 def problem() -> Problem:

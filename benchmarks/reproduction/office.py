@@ -23,7 +23,7 @@ PRINTED_SIZE = (30.0, 40.0)  # [m]
 PRINTED_OBSTACLES, PRINTED_VERTICES = 25, 60
 PRINTED_NODES, PRINTED_EDGES = 94, 422
 PRINTED_SHORTEST = 2  # the rank of the class of the geometrically shortest path
-SAMPLES = 161  # of a path that is drawn
+SAMPLES = 121  # of a path that is drawn
 
 
 def problem() -> Problem:
