@@ -203,20 +203,20 @@ def test_evidence_too_large_to_judge_exits_3(tmp_path, capsys, monkeypatch):
 
 
 def test_methods_of_chapter_two_are_planned_judged_and_reported(tmp_path, capsys):
-    plan = {"effort": "quick", "methods": ["dwa", "vc_method"]}
+    plan = {"effort": "quick", "methods": ["dwa", "vc_method", "speed_graph"]}
     out = tmp_path / "out"
     assert main([str(write(tmp_path, plan=plan)), "--out", str(out)]) == 0
     line = capsys.readouterr().out
     result = json.loads((out / NAMES / "result.json").read_text())
     plans = result["plans"]
     assert {"vc_method", "dwa", "collocation", "refined"} <= set(plans)
-    assert "voronoi_route" not in plans  # the vc-method seeds
+    assert "voronoi_route" not in plans  # nobody asked for it, and others seed
     assert plans["dwa"]["reached"] is True
     for name in ("vc_method", "dwa"):
         assert f"{name} {plans[name]['travel_time']:.3f} s" in line
         assert plans[name]["travel_time"] >= plans["collocation"]["travel_time"]
     methods = [row["method"] for row in plans["collocation"]["comparison"]]
-    assert methods == ["vc_method", "cold_start"]
+    assert methods == ["speed_graph", "vc_method", "cold_start"]
     assert main(["check", str(out / NAMES)]) == 0
 
 

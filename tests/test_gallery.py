@@ -128,6 +128,42 @@ def test_every_plan_of_the_best_way_has_the_same_class(result):
     assert plans["speed_graph"]["class"] == plans["collocation"]["class"] == plans["refined"]["class"]
 
 
+def test_the_vc_method_is_no_faster_than_the_variational_optimum_and_keeps_its_promises(result):
+    if result["scenario"] == "warehouse_gaps":
+        assert "vc_method" not in result["plans"]  # a class was asked for, the vc-method knows no classes
+        return
+    plan = result["plans"]["vc_method"]
+    assert plan["travel_time"] >= result["plans"]["speed_graph"]["exact_time"]
+    assert plan["travel_time"] >= result["lower_bound"]["travel_time"]
+    assert plan["arc_time"] == pytest.approx(plan["route"]["arc_time"], rel=1e-9)
+    assert plan["route"]["arc_time"] <= plan["other_route"]["arc_time"] * (1.0 + 1e-9)
+    assert set(plan["violations"]) <= {"steering", "start", "goal"}
+    assert bool(plan["violations"]) == bool(plan["shortfalls"])
+
+
+def test_seeds_of_one_class_lead_to_one_optimum(result):
+    rows = [row for row in result["plans"]["collocation"]["comparison"] if "travel_time" in row]
+    assert {"speed_graph"} <= {row["method"] for row in rows}
+    times: dict[str, list[float]] = {}
+    for row in rows:
+        times.setdefault(row["class"], []).append(row["travel_time"])
+        assert row["iterations"] >= 1
+    for found in times.values():
+        assert max(found) <= min(found) * (1.0 + 1e-4)
+
+
+def test_the_dynamic_window_arrives_later_or_says_why_not(result):
+    plan = result["plans"].get("dwa")
+    if plan is None:
+        assert result["scenario"] == "warehouse_gaps"
+    elif plan["reached"]:
+        assert plan["travel_time"] >= result["lower_bound"]["travel_time"]
+        assert not plan["violations"]
+    else:
+        assert plan["stuck"]["message"]
+        assert set(plan["violations"]) <= {"goal"}
+
+
 def test_the_full_model_is_no_faster_than_what_bounds_it(result):
     time = result["plans"]["refined"]["travel_time"]
     name = result["scenario"]
