@@ -21,6 +21,7 @@ from vnav_drake.voronoi_route.search import fastest_route
 from vnav_drake.world import Obstacle, World
 
 LATERAL = 0.5  # [m/s^2], tip-over limit of the robot of these tests
+KERB = Obstacle(((-1.0, -0.05), (12.0, -0.05)))  # a wall beside the road along y = 0
 HALL = ((-30.0, -30.0), (30.0, -30.0), (30.0, 30.0), (-30.0, 30.0))
 
 
@@ -93,14 +94,35 @@ def test_corners_that_share_a_short_side_are_slowed_down_not_skipped():
 
 def test_a_corner_too_tight_for_the_wheels_is_told_with_its_place():
     # As above, but r_kin = l sqrt(1/4 + 1/tan^2(omega)) = 1.545 m for l = 1 m; 0.5 m is the best that fits.
+    # Turning by r_kin to the left and back climbs 1 m within sqrt(4 r_kin - 1) = 2.28 m at least. To pass
+    # under (9.6, 0.1) it begins at most sqrt(0.2 r_kin) = 0.56 m before, ends as near to (10.4, 0.9): 1.92 m.
     points = [(0.0, 0.0), (10.0, 0.0), (10.0, 1.0), (20.0, 1.0)]
+    between = (Obstacle(((9.6, 0.1),)), Obstacle(((10.4, 0.9),)))
     ends = {"start": End(position=points[0], heading=0.0), "goal": End(position=points[-1], heading=0.0)}
-    result = realise(asked(points, wheelbase=1.0, **ends), polyline(points))
+    result = realise(asked(points, wheelbase=1.0, obstacles=between, **ends), polyline(points))
     demand_smooth(result)
     assert result.radius == pytest.approx([0.5, 0.5], rel=3e-3)
     steering = [text for text in result.shortfalls if text.startswith("steering")]
     assert len(steering) == len(result.shortfalls) >= 1
     assert "(9.5" in steering[0]
+
+
+def test_two_corners_to_different_sides_are_driven_around_together():
+    # The same road without the two points: turn, straight, turn, both by r_kin. No way with that radius
+    # climbs 1 m within less than 2.28 m (above), and none over 20 m is shorter than sqrt(20^2 + 1).
+    points = [(0.0, 0.0), (10.0, 0.0), (10.0, 1.0), (20.0, 1.0)]
+    steering = math.sqrt(0.25 + 1.0 / math.tan(0.6) ** 2)
+    ends = {"start": End(position=points[0], heading=0.0), "goal": End(position=points[-1], heading=0.0)}
+    result = realise(asked(points, wheelbase=1.0, **ends), polyline(points))
+    demand_smooth(result)
+    assert not result.shortfalls
+    assert result.radius == pytest.approx([steering], rel=1e-6)
+    assert result.turn == pytest.approx([0.0], abs=1e-9)
+    assert math.sqrt(401.0) < result.trajectory.length < 20.5
+    bend = result.path.curvature
+    assert np.abs(bend).max() == pytest.approx(1.0 / steering, rel=1e-6)
+    rising = np.cumsum(result.path.piece_length)[np.flatnonzero(bend)]
+    assert rising[-1] - rising[0] + result.path.piece_length[np.flatnonzero(bend)[0]] >= 2.28
 
 
 def test_two_near_corners_become_one_arc():
@@ -135,7 +157,14 @@ def test_a_short_first_leg_is_left_along_an_arc_from_the_start():
     radius = result.radius[0]
     assert radius == pytest.approx(2.0, rel=1e-3)
     assert result.path.x[1] == pytest.approx(math.sqrt(0.4 * radius - 0.04), abs=1e-8)
-    held = dataclasses.replace(asked(points), start=End(position=points[0], heading=-0.5 * math.pi))
+    # With a heading it swings out by r_kin - 0.2 m beyond the road, where there is room for that.
+    ends = {"start": End(position=points[0], heading=-0.5 * math.pi)}
+    swung = realise(asked(points, **ends), polyline(points))
+    demand_smooth(swung)
+    assert not swung.shortfalls
+    lowest = swung.path.at(np.linspace(0.0, 1.0, 2001))[1].min()
+    assert lowest <= 0.2 - math.sqrt(0.01 + 0.04 / math.tan(0.6) ** 2) + 1e-5
+    held = asked(points, obstacles=(KERB,), **ends)
     assert "steering" in realise(held, polyline(points)).shortfalls[0]
 
 
@@ -145,7 +174,7 @@ def test_headings_and_speeds_that_cannot_be_met_are_told():
         "start": End(position=points[0], speed=1.0, heading=0.0),
         "goal": End(position=points[-1], heading=1.0),
     }
-    result = realise(asked(points, **ends), polyline(points))
+    result = realise(asked(points, obstacles=(KERB,), **ends), polyline(points))
     for what in ("start at 1 m/s", "start heading", "goal heading", "steering"):
         assert sum(text.startswith(what) for text in result.shortfalls) == 1
 

@@ -107,7 +107,7 @@ def fillets(
     clearance = np.full(len(radius), -np.inf)
     rows = np.flatnonzero(exists)
     arcs = arc_points(point[rows], heading[rows], side[rows] / radius[rows], (radius * np.abs(swing))[rows])
-    clearance[rows] = _least_distance(world, arcs, 1.0 / radius[rows], (radius * np.abs(swing))[rows])
+    clearance[rows] = least_distance(world, arcs, 1.0 / radius[rows], (radius * np.abs(swing))[rows])
     free = clearance >= level
     free &= clearance > 0.0
     rows = np.flatnonzero(free)
@@ -157,7 +157,7 @@ def _apart(factor: Array) -> Array:
     return np.where(np.abs(factor) > 1e-3, factor, 1e-3)
 
 
-def _least_distance(world: World, arcs: Array, bend: Array, length: Array) -> Array:
+def least_distance(world: World, arcs: Array, bend: Array, length: Array) -> Array:
     """Lower bound of the distance [m] along each arc, between its samples too."""
     if len(arcs) == 0:
         return np.zeros(0)

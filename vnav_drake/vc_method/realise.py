@@ -2,7 +2,8 @@
 
 The corners at nodes are replaced by arcs of radius r_min(v) tangent to the arcs that meet there, v the
 greatest speed that the profile has on the arc; the arc moves the path, the path the speed, so both are
-iterated. Where such an arc does not fit a smaller one is taken, and the robot is slower there.
+iterated. Where such an arc does not fit a smaller one is taken, and the robot is slower there; where that is
+smaller than the wheels can turn the stretch is driven around by circles of their least radius (`steering`).
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from vnav_drake.vc_method.smoothing import (
     smallest_radius,
     smooth_path,
 )
+from vnav_drake.vc_method.steering import EASE, widened
 from vnav_drake.voronoi import Curves
 
 __all__ = ["ArcProfile", "Realisation", "arc_minimum_time", "arc_profile", "realise"]
@@ -48,7 +50,7 @@ class Realisation:
 
     path: Path
     trajectory: Trajectory
-    point: Array  # (n, 2) [m], middle of the arc at each corner, in order of travel
+    point: Array  # (n, 2) [m], middle of what rounds each corner, in order of travel
     turn: Array  # (n,) [rad], left positive
     radius: Array  # (n,) [m]
     wanted: Array  # (n,) [m], r_min of the speed that braking and drive allow there
@@ -73,12 +75,17 @@ def realise(problem: Problem, curves: Curves) -> Realisation:
     if len(road.curves) == 0:
         raise PlanningError("the route has no length: there is nothing to drive along")
     rounding, wanted, consistent = _consistent_rounding(problem, road)
-    path, owner = smooth_path(problem, rounding)
+    path, owner, replaced = widened(problem, *smooth_path(problem, rounding))
     trajectory, unmet = _profile(problem, path)
-    shown = np.flatnonzero(~rounding.corners.gentle)
+    kept = np.zeros(len(rounding.corners), dtype=bool)
+    kept[owner[owner >= 0]] = True
+    shown = np.flatnonzero(kept & ~rounding.corners.gentle)
     middle = _middles(path, owner, shown)
     speed = _speeds(path, owner, trajectory, shown)
-    radius = rounding.arcs.radius[shown]
+    radius, turn = rounding.arcs.radius.copy(), rounding.arcs.turn.copy()
+    radius[owner[replaced]] = EASE / problem.robot.max_curvature
+    turn[owner[replaced]] = 0.0
+    np.add.at(turn, owner[replaced], (path.curvature * path.piece_length)[replaced])
     time = arc_minimum_time(
         road.curves,
         np.zeros(len(road.curves), dtype=np.int64),
@@ -91,8 +98,8 @@ def realise(problem: Problem, curves: Curves) -> Realisation:
         path,
         trajectory,
         middle,
-        rounding.arcs.turn[shown],
-        radius,
+        turn[shown],
+        radius[shown],
         wanted[shown],
         speed,
         consistent,
@@ -205,7 +212,7 @@ def _speeds(path: Path, owner: Indices, trajectory: Trajectory, shown: Indices) 
     middle = 0.5 * (trajectory.arc_length[1:] + trajectory.arc_length[:-1])
     piece = np.clip(np.searchsorted(begin, middle, side="right") - 1, 0, len(owner) - 1)
     greatest = np.zeros(int(owner.max(initial=-1)) + 1)
-    on = np.flatnonzero(owner[piece] >= 0)
+    on = np.flatnonzero((owner[piece] >= 0) & (path.curvature[piece] != 0.0))
     np.maximum.at(greatest, owner[piece[on]], np.maximum(trajectory.v[on], trajectory.v[on + 1]))
     return greatest[shown]
 
