@@ -168,6 +168,22 @@ def test_turns_at_a_crossing_take_the_same_time_in_all_four_directions():
     assert times == pytest.approx([times[0]] * 8, rel=1e-6)
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-4, 1e-2, 0.1])
+def test_a_stack_between_four_points_has_two_cells_in_a_square_and_five_when_disturbed(off):
+    # Against the remarks around Fig. 2.8 of Manor 2015. In a square the four saddles are equally high: one
+    # horizontal partition, two cells, not five. Disturbed so that the angle at one corner is obtuse, that
+    # triangle's centre lies beyond the diagonal and is no maximum: four saddles of different heights around
+    # the other one, however small the disturbance.
+    corners = [(4.0 + off, 4.0 + 1.1 * off), (6.0, 4.0), (4.0, 6.0), (6.0 + 2.5 * off, 6.0 + 2.6 * off)]
+    points = [Obstacle((c,)) for c in corners]
+    result = vc_method(problem(SQUARE, points, (2.0, 2.0), (8.0, 8.0), radius=0.1))
+    places = result.critical.point[result.decomposition.maximum]
+    (row,) = np.flatnonzero(np.hypot(*(places - 5.0).T) < 0.5)
+    middle = result.decomposition.stacks[row]
+    assert len(set(middle.saddles)) == 4
+    assert len(middle.cells) == (2 if off == 0.0 else 5)
+
+
 def test_start_and_goal_in_one_stack_need_no_saddle():
     asked = problem(SQUARE, [], (2.0, 2.0), (8.0, 2.0))
     result = vc_method(asked)
