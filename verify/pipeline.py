@@ -24,6 +24,7 @@ from verify.report import ReportExtras, SpeedGraphDrawing, write_report
 from verify.seeding import cold_start, compare_seeds, route_seeds, with_times
 from verify.stages import Missing, Progress, Say, Stages
 from verify.vc import run_vc_method
+from verify.vc_drawing import vc_drawing
 from verify.versions import versions
 from vnav_drake.collocation import Seed, plan_full, plan_variational
 from vnav_drake.dwa import plan_dwa
@@ -118,7 +119,7 @@ def _fill(
         scenario=scenario,
         result=result,
         folder=folder.work,
-        extras=_extras(done),
+        extras=_extras(scenario, done),
     )
     result["files"] = evidence.manifest(folder.work)
     evidence.write_result(folder.work, result)
@@ -319,7 +320,7 @@ def _result(judgement: Judgement, done: Progress, overrides: Mapping[str, float]
     return result
 
 
-def _extras(done: Progress) -> ReportExtras:
+def _extras(scenario: Scenario, done: Progress) -> ReportExtras:
     history = {
         name: plan.details["history"] for name, plan in done.plans.items() if "history" in plan.details
     }
@@ -328,6 +329,7 @@ def _extras(done: Progress) -> ReportExtras:
         history=history,
         timings=dict(done.seconds),
         speed_graph=SpeedGraphDrawing() if done.analytic is None else done.analytic.drawing,
+        vc_method=None if done.vc is None else vc_drawing(scenario.problem, done.vc.result),
     )
 
 
