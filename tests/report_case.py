@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
+from verify.pipeline import plain
+from verify.report import VcDrawing
+from verify.vc_drawing import vc_drawing
 from vnav_drake.plan import Path, Trajectory
 from vnav_drake.scenario import Scenario, parse_scenario
+from vnav_drake.vc_method import VcResult, as_plan, vc_method
 
 RACKS = [(f"O{i + 1}", x, y) for i, (y, x) in enumerate((y, x) for y in (22, 16, 10, 4) for x in (4, 15))]
 
@@ -185,6 +190,54 @@ def write_folder(folder: FilePath, scenario: Scenario) -> dict[str, Any]:
         }
     ]
     return result
+
+
+# A floor with three obstacles as in Manor 2015, Fig. 2.9. Rest to rest and a_max < a_b, so that the profile
+# accelerates, follows the limit and brakes.
+THREE_OBSTACLES = """\
+schema: 1
+name: three_obstacles
+world:
+  boundary: [[0, 0], [16, 0], [16, 11], [0, 11]]
+  obstacles:
+    - {name: A, vertices: [[3, 3], [6.5, 2.5], [6, 4.5], [3.5, 5]]}
+    - {name: B, vertices: [[8.5, 6], [12, 7.5], [8, 8.5]]}
+    - {name: "</script><b>C</b>", vertices: [[11, 2], [13, 2.2], [13.2, 4.4], [11.2, 4]]}
+robot: {radius: 0.25, mass: 40, wheelbase: 0.3, track: 0.2, com_height: 0.12, friction: 0.6,
+  max_braking: 1.0, max_acceleration: 0.4, max_steering: 0.6}
+start: {position: [1.5, 1.5], speed: rest}
+goal: {position: [14.5, 9.2], speed: rest}
+"""
+
+
+@cache
+def vc_case() -> tuple[Scenario, VcResult, VcDrawing]:
+    """The floor with three obstacles, what the vc-method finds there, and how it is drawn."""
+    scenario = parse_scenario(THREE_OBSTACLES.encode(), "three_obstacles.yaml")
+    result = vc_method(scenario.problem)
+    return scenario, result, vc_drawing(scenario.problem, result)
+
+
+def write_vc_folder(folder: FilePath) -> dict[str, Any]:
+    """Fill `folder` with the evidence of `vc_case` and return a result that goes with it."""
+    scenario, found, _ = vc_case()
+    plan = as_plan(found)
+    (folder / "trajectories").mkdir(parents=True)
+    plan.trajectory.to_csv(folder / "trajectories" / "vc_method.csv")
+    plan.trajectory.to_csv(folder / "trajectories" / "refined.csv")
+    plan.trajectory.to_csv(folder / "trajectory.csv")
+    (folder / "scenario.yaml").write_bytes(scenario.data)
+    facts = {"travel_time": plan.travel_time, "length": plan.length, "model": "full"}
+    return {
+        "schema": 1,
+        "scenario": scenario.name,
+        "verdict": "refined",
+        "plans": {
+            "vc_method": {**facts, "class": "A|B", **plain(plan.details), "compute_time": 0.2},
+            "refined": facts,
+            "collocation": {"travel_time": 13.0, "length": 18.0, "model": "variational"},
+        },
+    }
 
 
 HISTORY = {

@@ -18,8 +18,9 @@ Indices = NDArray[np.int64]
 
 MOST_SLOPES = 600  # whose stacks are drawn: more are a thicket
 PIECES_ACROSS = 45  # of the roof along the world's diameter, at the finest
-MOST_PATCHES = 3600  # of the roof
+MOST_PATCHES = 2400  # of the roof
 COARSER = 1.3  # by which pieces of the roof grow until there are few enough
+SIMPLER = 2e-4  # of the world's diameter, by which outlines may be off
 ARC_POINTS = 12  # that one arc is drawn with
 CHAIN_POINTS = 24  # that an edge of the graph is drawn with
 
@@ -88,8 +89,10 @@ def _shown(result: VcResult, route: Array) -> Indices:
 
 def _roof(problem: Problem, result: VcResult, slopes: Indices) -> Array:
     spacing = problem.world.diameter / PIECES_ACROSS
+    rows = 3 if 6 * len(slopes) <= MOST_PATCHES // 2 else 2
+    radius = problem.robot.radius
     while True:
-        patches = roof(result.decomposition, slopes, problem.braking, problem.robot.radius, spacing)
+        patches = roof(result.decomposition, slopes, problem.braking, radius, spacing=spacing, rows=rows)
         if len(patches) <= MOST_PATCHES or spacing > problem.world.diameter:
             return patches
         spacing *= COARSER
@@ -103,7 +106,7 @@ def _horizontal(problem: Problem, result: VcResult, cells: Indices) -> list[tupl
         if cell + 1 < d.first_cell[stack + 1]:
             plan = slice_of(d, stack, problem.robot.radius + float(problem.braking.distance(top)))
             if not plan.is_empty:
-                out.append((top, plan))
+                out.append((top, shapely.simplify(plan, problem.world.diameter * SIMPLER)))
     return out
 
 

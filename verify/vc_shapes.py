@@ -21,7 +21,6 @@ from vnav_drake.voronoi import Curves, VoronoiDiagram
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-ROWS = 3  # of patches of the roof between an obstacle and an arc, of equal heights where V is a root
 MOST_PIECES = 16  # that one arc is cut into
 SLICE_POINTS = 7  # along each arc of a slice
 _BISECTIONS = 50  # halve an interval of parameters to rounding
@@ -49,9 +48,21 @@ def ways(diagram: VoronoiDiagram, curves: Curves, border: Indices, u: Array) -> 
 
 
 def roof(
-    decomposition: CellDecomposition, slopes: Indices, braking: UniformBraking, radius: float, spacing: float
+    decomposition: CellDecomposition,
+    slopes: Indices,
+    braking: UniformBraking,
+    radius: float,
+    *,
+    spacing: float,
+    rows: int,
 ) -> Array:
-    """Patches (n, 4, 3) [m, m, m/s] of the roof along some slopes, pieces about `spacing` [m] long."""
+    """Patches (n, 4, 3) [m, m, m/s] of the roof along some slopes.
+
+    Parameters
+    ----------
+    spacing : length of a patch along its arc [m], about.
+    rows : of patches between an obstacle and an arc, of equal heights where V is a root.
+    """
     d = decomposition.slopes
     pieces = np.clip(np.ceil(d.curves.length[slopes] / spacing), 1, MOST_PIECES).astype(np.int64)
     pieces[d.level[slopes]] = 1
@@ -65,8 +76,8 @@ def roof(
         found = ways(decomposition.diagram, curves, d.border[row], u[:, k])
         room = np.maximum(found.reach - radius - braking.margin, 0.0)
         grid = []
-        for j in range(ROWS + 1):
-            clearance = braking.margin + room * (j / ROWS) ** 2
+        for j in range(rows + 1):
+            clearance = braking.margin + room * (j / rows) ** 2
             speed = np.broadcast_to(braking.speed(clearance)[:, None, None], (len(row), 2, 1))
             grid.append(np.concatenate([found.at(radius + clearance), speed], axis=-1))
         edges.append(np.stack(grid))  # (rows + 1, n, 2 feet, 3)

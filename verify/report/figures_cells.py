@@ -58,7 +58,10 @@ def _draw(problem: Problem, drawing: VcDrawing, described: dict[str, str], width
                     )
                 )
     size = world.diameter
-    arcs = [np.column_stack(thinned_path(arc[:, 0], arc[:, 1], size)) for arc in drawing.arcs if len(arc) > 1]
+    rough = size if wide else 4.0 * size
+    arcs = [
+        np.column_stack(thinned_path(arc[:, 0], arc[:, 1], rough)) for arc in drawing.arcs if len(arc) > 1
+    ]
     axes.add_patch(PathPatch(one_outline(arcs), fill=False, edgecolor=ARC.light, lw=0.7))
     axes.add_patch(PathPatch(one_outline(list(space.feet)), fill=False, edgecolor=LIMIT.light, lw=1.4 * thin))
     if drawing.other is not None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import groupby
 
 import matplotlib
@@ -40,7 +39,7 @@ from verify.report.palette import (
     SPEED_MAP,
     method,
 )
-from verify.report.svg import WIDE, Picture, both_widths, new_figure, to_svg
+from verify.report.svg import WIDE, Picture, drawing_style, new_figure, to_svg
 from vnav_drake.problem import Problem
 
 Array = NDArray[np.float64]
@@ -124,9 +123,12 @@ def draw_space(problem: Problem, drawing: VcDrawing) -> Picture:
         "description": "The floor plan with the greatest safe speed V(d) as a roof above it, highest in the "
         f"middle of open floor and zero at the obstacles. Below the roof: {told} {shown_words(space)}",
     }
-    return both_widths(
-        partial(_draw, problem, drawing),
-        described,
+    with drawing_style():
+        svg = _draw(problem, drawing, described)
+    return Picture(
+        **described,
+        svg=svg,
+        narrow=None,
         heading="Position-velocity space",
         caption="Speed is the height above the floor plan. The roof is the braking limit V(d): above it "
         "are the vc-obstacles, below it is free space, coloured by speed as on the map. Red walls: vertical "
@@ -137,11 +139,11 @@ def draw_space(problem: Problem, drawing: VcDrawing) -> Picture:
     )
 
 
-def _draw(problem: Problem, drawing: VcDrawing, described: dict[str, str], width: float) -> Markup:
-    space, wide = drawing.space, width == WIDE
+def _draw(problem: Problem, drawing: VcDrawing, described: dict[str, str]) -> Markup:
+    space = drawing.space
     view = standing_view(problem, drawing)
     low, high = _extent(problem, drawing, view)
-    figure = new_figure(width, width * float(np.clip((high[1] - low[1]) / (high[0] - low[0]), 0.3, 1.2)))
+    figure = new_figure(WIDE, WIDE * float(np.clip((high[1] - low[1]) / (high[0] - low[0]), 0.3, 1.2)))
     figure.set_layout_engine("none")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()
@@ -150,12 +152,11 @@ def _draw(problem: Problem, drawing: VcDrawing, described: dict[str, str], width
     axes.set_ylim(low[1], high[1])
     _floor(axes, problem, view)
     _faces(axes, drawing, view)
-    thin = 1.0 if wide else 0.6
     ridges = one_outline([view.flat(ridge) for ridge in space.ridges])
-    axes.add_patch(PathPatch(ridges, fill=False, edgecolor=ARC.light, lw=0.9 * thin))
-    _graph(axes, space.graph, view, thin)
-    _route(axes, drawing, view, thin)
-    _critical(axes, space, view, thin)
+    axes.add_patch(PathPatch(ridges, fill=False, edgecolor=ARC.light, lw=0.9))
+    _graph(axes, space.graph, view)
+    _route(axes, drawing, view)
+    _critical(axes, space, view)
     _scale(axes, problem, drawing, view)
     return to_svg(figure, **described)
 
@@ -183,12 +184,14 @@ def _projected(view: View, shape: shapely.Geometry, speed: float) -> list[Outlin
 
 def _floor(axes: Axes, problem: Problem, view: View) -> None:
     world = problem.world
-    for shape, face, edge, line in (
-        (world.boundary, FLOOR.light, INK.light, 1.2),
-        *((p, RACK.light, RACK_EDGE.light, 0.6) for p in world.blocked),
+    for shapes, face, edge, line in (
+        ([world.boundary], FLOOR.light, INK.light, 1.2),
+        (world.blocked, RACK.light, RACK_EDGE.light, 0.6),
     ):
-        for path in _projected(view, shape, 0.0):
-            axes.add_patch(PathPatch(path, facecolor=face, edgecolor=edge, lw=line))
+        paths = [path for shape in shapes for path in _projected(view, shape, 0.0)]
+        if paths:
+            whole = Outline.make_compound_path(*paths)
+            axes.add_patch(PathPatch(whole, facecolor=face, edgecolor=edge, lw=line))
     walls = np.asarray(world.walls, dtype=float).reshape(-1, 2, 2)
     lines = np.concatenate([walls, np.zeros((*walls.shape[:2], 1))], axis=-1)
     axes.add_collection(LineCollection(list(view.flat(lines)), colors=INK.light, linewidths=1.6))
@@ -229,7 +232,7 @@ def one_outline(lines: Sequence[Array]) -> Outline:
     return Outline(np.concatenate([np.zeros((0, 2)), *kept]), np.concatenate([np.zeros(0, int), *codes]))
 
 
-def _graph(axes: Axes, graph: CellGraphDrawing, view: View, thin: float) -> None:
+def _graph(axes: Axes, graph: CellGraphDrawing, view: View) -> None:
     look = method("vc_method")
     for lines, flags in (
         (graph.type_a, graph.type_a_on_route),
@@ -239,31 +242,27 @@ def _graph(axes: Axes, graph: CellGraphDrawing, view: View, thin: float) -> None
         for on, colour, broad in ((False, INK.light, 0.9), (True, look.text, 2.6)):
             some = [view.flat(line) for line, flag in zip(lines, flags, strict=True) if flag == on]
             axes.add_patch(
-                PathPatch(
-                    one_outline(some), fill=False, edgecolor=colour, lw=broad * thin, ls=dash, capstyle="butt"
-                )
+                PathPatch(one_outline(some), fill=False, edgecolor=colour, lw=broad, ls=dash, capstyle="butt")
             )
     flat = view.flat(graph.nodes)
     for on, colour, size in ((False, INK.light, 2.6), (True, look.text, 4.6)):
-        axes.plot(*flat[graph.on_route == on].T, "o", color=colour, ms=size * thin, mew=0)
+        axes.plot(*flat[graph.on_route == on].T, "o", color=colour, ms=size, mew=0)
 
 
-def _critical(axes: Axes, space: SpaceDrawing, view: View, thin: float) -> None:
+def _critical(axes: Axes, space: SpaceDrawing, view: View) -> None:
     for points, marker, face, size in (
         (space.saddles, "X", LIMIT.light, 6.5),
         (space.maxima, "^", PAPER.light, 7.0),
     ):
-        axes.plot(
-            *view.flat(points).T, marker, ms=size * thin, mfc=face, mec=INK.light, mew=0.9 * thin, ls="none"
-        )
+        axes.plot(*view.flat(points).T, marker, ms=size, mfc=face, mec=INK.light, mew=0.9, ls="none")
 
 
-def _route(axes: Axes, drawing: VcDrawing, view: View, thin: float) -> None:
+def _route(axes: Axes, drawing: VcDrawing, view: View) -> None:
     """The profile on the roof, with a rim."""
     place = profile_on_map(drawing)
     flat = view.flat(place)
-    axes.plot(*flat.T, color=CASING.light, lw=4.2 * thin)
-    axes.plot(*flat.T, color=method("vc_method").light, lw=2.6 * thin)
+    axes.plot(*flat.T, color=CASING.light, lw=4.2)
+    axes.plot(*flat.T, color=method("vc_method").light, lw=2.6)
     for name, k in (("start", 0), ("goal", -1)):
         stem = view.flat(np.array([[*place[k, :2], 0.0], place[k]]))
         axes.plot(*stem.T, color=INK.light, lw=1.0)

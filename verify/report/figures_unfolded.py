@@ -7,12 +7,13 @@ from functools import partial
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
+from matplotlib.patches import PathPatch
 from numpy.typing import NDArray
 
 from verify.report.curves import Curve, halo, label_curves
 from verify.report.drawings import UnfoldedDrawing, VcDrawing
 from verify.report.figures_motion import LIMIT_DASH
+from verify.report.figures_space import one_outline
 from verify.report.numbers import count
 from verify.report.palette import INK, LIMIT, MUTED, PAPER, RACK, Dash, method
 from verify.report.svg import WIDE, Picture, both_widths, new_axes, to_svg
@@ -64,10 +65,11 @@ def _draw(found: UnfoldedDrawing, described: dict[str, str], width: float) -> Ma
     axes.plot(found.s, found.roof, color=LIMIT.light, lw=1.2, ls=LIMIT_DASH, zorder=3)
     look = method("vc_method")
     labelled = [Curve(x=found.s, y=found.roof)]
-    for kind, s, v in found.pieces:
-        _, colour, dash, broad = RUNS[kind]
-        axes.plot(
-            s, v, color=colour, ls=dash, lw=broad if wide else 0.75 * broad, dash_capstyle="butt", zorder=4
+    for kind, (_, colour, dash, broad) in RUNS.items():
+        ways = one_outline([np.column_stack([s, v]) for k, s, v in found.pieces if k == kind])
+        width = broad if wide else 0.75 * broad
+        axes.add_patch(
+            PathPatch(ways, fill=False, edgecolor=colour, ls=dash, lw=width, capstyle="butt", zorder=4)
         )
     for kind, (words, colour, _, _) in RUNS.items():
         longest = max(
@@ -110,11 +112,11 @@ def _cells(axes: Axes, found: UnfoldedDrawing, top: float, wide: bool) -> None:
                 0.5 * (stack.begin + stack.end), 0.985 * top, str(number), ha="center", va="top",
                 fontsize=10 if wide else 8, weight="bold", color=INK.light,
             )  # fmt: skip
-    walls = [[(s, 0.0), (s, v)] for s, v in found.saddles.tolist()]
-    axes.add_collection(LineCollection(walls, colors=LIMIT.light, linewidths=1.6, zorder=2))
-    rules = [[(s, 0.0), (s, np.interp(s, found.s, found.roof))] for s in found.nodes.tolist()]
-    axes.add_collection(
-        LineCollection(rules, colors=MUTED.light, linewidths=0.7, linestyles=[(0, (1, 2))], zorder=1)
+    walls = [np.array([(s, 0.0), (s, v)]) for s, v in found.saddles.tolist()]
+    axes.add_patch(PathPatch(one_outline(walls), fill=False, edgecolor=LIMIT.light, lw=1.6, zorder=2))
+    rules = [np.array([(s, 0.0), (s, np.interp(s, found.s, found.roof))]) for s in found.nodes.tolist()]
+    axes.add_patch(
+        PathPatch(one_outline(rules), fill=False, edgecolor=MUTED.light, lw=0.7, ls=(0, (1, 2)), zorder=1)
     )
     axes.plot(*found.chain.T, "o", color=look.text, ms=4, ls=(0, (1, 1.5)), lw=1.0, zorder=2)
 

@@ -1,0 +1,346 @@
+"""The report's section on the vc-method, the seeds compared, and runs that got stuck."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from report_case import vc_case, write_vc_folder
+from test_report import HOSTILE, Page
+
+from verify.report import ReportExtras, write_index, write_report
+from verify.report.space_data import UNIT, space_data
+from verify.report.story import executed_plan, travel_times
+from verify.report.story_seeds import seed_story
+from verify.report.story_vc import cost_sentence, vc_story
+from vnav_drake.plan import Path as Way
+
+SECTION = 1_500_000  # [bytes], by which the section may add to a page
+
+
+def write(folder: Path, result: dict[str, Any], *, drawn: bool = True) -> str:
+    scenario, _, drawing = vc_case()
+    extras = ReportExtras(vc_method=drawing if drawn else None)
+    write_report(folder / "report.html", scenario=scenario, result=result, folder=folder, extras=extras)
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], str]:
+    folder = tmp_path_factory.mktemp("vc") / "three_obstacles"
+    result = write_vc_folder(folder)
+    return folder, result, write(folder, result)
+
+
+def said(text: str) -> str:
+    return Page(text).text.replace("\u00a0", " ")
+
+
+def test_the_section_is_there_and_well_formed(case):
+    _, _, text = case
+    page = Page(text)
+    ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    assert {"vc-method", "figure-vc-space", "figure-vc-unfolded", "figure-vc-cells"} <= set(ids)
+    assert "#vc-method" in {a.get("href") for a in page.all("a")}
+    for svg in re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL):
+        ET.fromstring(svg)
+
+
+def test_the_section_adds_little_to_the_page(case, tmp_path):
+    folder, result, text = case
+    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
+    bare = {**result, "plans": {k: v for k, v in result["plans"].items() if k != "vc_method"}}
+    assert len(text.encode()) - len(write(copy, bare, drawn=False).encode()) < SECTION
+
+
+def test_without_the_method_there_is_no_section_and_no_script(case, tmp_path):
+    folder, result, _ = case
+    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
+    text = write(copy, {**result, "plans": {"refined": result["plans"]["refined"]}}, drawn=False)
+    assert Page(text).all("script") == []
+    assert "script-src" not in text
+    assert 'id="vc-method"' not in text
+
+
+def test_without_its_drawing_the_section_says_so(case, tmp_path):
+    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
+    text = write(copy, case[1], drawn=False)
+    assert "The cells of the vc-method were not at hand." in said(text)
+    assert Page(text).all("script") == []
+
+
+def test_the_only_script_that_may_run_is_the_viewer(case):
+    text = case[2]
+    page = Page(text)
+    policy = next(a["content"] for a in page.all("meta") if a.get("http-equiv") == "Content-Security-Policy")
+    rules = {rule.split()[0]: rule.split()[1:] for rule in policy.split(";")}
+    scripts = re.findall(r"<script([^>]*)>(.*?)</script>", text, flags=re.DOTALL)
+    run = [body for attributes, body in scripts if not attributes]
+    assert [attributes for attributes, _ in scripts if attributes] == [
+        ' type="application/json" id="vc-space-data"'
+    ]
+    assert len(run) == 1
+    digest = base64.b64encode(hashlib.sha256(run[0].encode()).digest()).decode()
+    assert rules["default-src"] == ["'none'"]
+    assert rules["script-src"] == [f"'sha256-{digest}'"]
+    assert not any(name.startswith("on") for _, attributes in page.elements for name in attributes)
+    assert "http" not in run[0]
+    assert "innerHTML" not in run[0]
+    assert "eval" not in run[0]
+
+
+def numbers_of(shapes: Any) -> list[Any]:
+    return [number for shape in shapes for number in shape]
+
+
+def test_the_viewer_gets_numbers_of_its_own_scale_and_no_text_from_files():
+    scenario, _, drawing = vc_case()
+    text = str(space_data(scenario.problem, drawing))
+    data = json.loads(text)
+    assert "<" not in text  # an obstacle is called </script><b>C</b>
+    assert [label["text"] for label in data["labels"]] == ["start", "goal", "0", "1", "2 m/s"]
+    assert data["size"] == [UNIT, pytest.approx(11 / 16 * UNIT)]  # a floor of 16 x 11 m
+    numbers = [n for group in data["faces"] + data["lines"] for n in numbers_of(group["shapes"])]
+    numbers += [n for group in data["points"] for n in group["points"]]
+    assert all(isinstance(n, int) and -1 <= n <= UNIT + 1 for n in numbers)
+    roof = [shape for group in data["faces"] if group["layer"] == "roof" for shape in group["shapes"]]
+    assert len(roof) == len(drawing.space.roof)
+
+
+def test_every_colour_that_the_viewer_asks_for_is_one_of_the_page(case):
+    scenario, _, drawing = vc_case()
+    data = json.loads(str(space_data(scenario.problem, drawing)))
+    names = {g["colour"] for g in data["faces"] + data["lines"]} | {g["fill"] for g in data["points"]}
+    named = {name for name in names if name.startswith("--")}
+    assert named
+    assert all(f"{name}:" in case[2] for name in named)
+    assert all(re.fullmatch("#[0-9a-f]{6}", name) for name in names - named)
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no Chromium on this system")
+def test_a_browser_runs_the_viewer_under_the_pages_policy(case, tmp_path):
+    command = [
+        "chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
+        f"--user-data-dir={tmp_path}", "--dump-dom", f"file://{case[0] / 'report.html'}",
+    ]  # fmt: skip
+    shown = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+    assert re.search(r'<figure class="picture live" id="figure-vc-space">', shown)
+    viewer = re.search(r'<div class="viewer" id="vc-space-viewer"[^>]*>', shown)
+    assert "hidden" not in viewer[0]
+
+
+def test_counts_and_times_are_those_of_the_result(case):
+    _, result, text = case
+    _, found, _ = vc_case()
+    plan, words = result["plans"]["vc_method"], said(text)
+    stacks, cells = len(found.decomposition.maximum), len(found.decomposition.cell_top)
+    assert f"falls into {stacks} stacks with {cells} cells" in words
+    share = 100.0 * float(np.mean(np.diff(found.decomposition.first_cell) == 4))
+    assert f"Stacks of four cells {share:.0f} % the source calls this generic" in words
+    assert f"the fastest profile takes {plan['arc_time']:.3f} s" in words
+    assert f"{len(plan['corners'])} corners rounded the motion takes {plan['travel_time']:.3f} s" in words
+
+
+def plan_with(other: dict[str, Any], cost: str = "realised") -> dict[str, Any]:
+    return {
+        "cost": cost,
+        "route": {"arc_time": 20.0, "arc_length": 30.0},
+        "other_route": other,
+        "class": "A|B",
+    }
+
+
+def test_a_disagreement_of_the_costs_is_told_with_time_and_place():
+    other = {"same": False, "arc_time": 25.0, "arc_length": 28.0, "class": "C|D"}
+    words = cost_sentence(plan_with(other)).replace("\u00a0", " ")
+    # 25 s against 20 s: 5 s or 25 % more
+    assert "the published one chooses another route, 28.00 m long instead of 30.00 m" in words
+    assert "takes 25.000 s along its arcs against 20.000 s, 5.000 s or 25.0 % more." in words
+    assert words.endswith("It passes “C|D” instead of “A|B”.")
+    less = cost_sentence(plan_with({**other, "arc_time": 18.0}, "published")).replace("\u00a0", " ")
+    assert "the realised one chooses" in less
+    assert "2.000 s or 10.0 % less." in less
+
+
+def test_an_agreement_of_the_costs_is_told():
+    assert cost_sentence(plan_with({"same": True})).startswith("Both costs of edges choose this route")
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [{}, {"cost": 3}, plan_with({}), plan_with({"same": "no"}), plan_with({"same": False, "arc_time": "x"})],
+)
+def test_nothing_is_said_of_costs_that_are_not_told(plan):
+    assert cost_sentence(plan) == ""
+
+
+def test_what_the_motion_cannot_meet_is_listed(case, tmp_path):
+    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
+    result = json.loads(json.dumps(case[1]))
+    result["plans"]["vc_method"]["shortfalls"] = ["steering: radius 0.1 m at (1, 2) m", HOSTILE]
+    text = write(copy, result, drawn=False)
+    assert "What this motion cannot meet, and where: steering: radius 0.1 m at (1, 2) m" in said(text)
+    assert not {tag for tag, _ in Page(text).elements} & {"img", "b"}
+
+
+def test_a_corner_that_is_tighter_than_wanted_is_marked():
+    corner = {"x": 1.0, "y": -2.0, "turn": np.pi / 2, "radius": 0.3, "wanted_radius": 0.5, "speed": 0.7}
+    story = vc_story({"plans": {"vc_method": {"corners": [corner, {**corner, "radius": 0.5}, {}]}}})
+    assert [row.radius for row in story.corners] == ["0.300\u00a0m, smaller", "0.500\u00a0m", "–"]
+    assert story.corners[0].turn == "90.0°"
+    assert story.corners[0].place == "(1.00, −2.00)\u00a0m"
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        None,
+        [],
+        {"graph": 3, "route": [], "corners": {"a": 1}, "shortfalls": "none"},
+        {"graph": {"stacks": "many", "cells": float("nan")}, "corners": [3, {"x": "east"}], "cost": HOSTILE},
+        {"cost": "realised", "other_route": {"same": False, "arc_time": 2.0, "class": HOSTILE},
+         "class": HOSTILE, "route": {"arc_time": 1.0}, "travel_time": "soon", "arc_time": float("inf")},
+    ],
+)  # fmt: skip
+def test_a_plan_of_another_shape_still_gives_a_page(case, tmp_path, broken):
+    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
+    text = write(
+        copy, {**case[1], "plans": {"vc_method": broken, "collocation": {"comparison": 3}}}, drawn=False
+    )
+    page = Page(text)
+    assert not {tag for tag, _ in page.elements} & {"img", "b"}
+    assert "nan" not in page.text.lower().split()
+
+
+def stuck_plan(**changes: Any) -> dict[str, Any]:
+    stuck = {"reason": "standing", "time": 12.25, "place": [6.0, 5.5], "message": "moved 0.01 m in 10 s"}
+    return {"reached": False, "model": "full", "length": 7.5, "goal_distance": 9.3, "stuck": stuck | changes}
+
+
+def test_a_run_that_got_stuck_has_no_time_and_is_never_executed(case, tmp_path):
+    result = json.loads(json.dumps(case[1]))
+    # even where a time and the executed plan claim otherwise
+    result["plans"]["dwa"] = {**stuck_plan(), "travel_time": 12.25}
+    result["executed"] = "dwa"
+    assert "dwa" not in travel_times(result)
+    assert executed_plan(result) == "refined"
+    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
+    text = write(copy, result, drawn=False)
+    words = said(text)
+    assert (
+        "Dynamic window got stuck and did not reach the goal, after 12.250 s, at (6.00, 5.50) m, "
+        "9.30 m from the goal: it stands (moved 0.01 m in 10 s)." in words
+    )
+    row = re.search(r"<bdi>Dynamic window</bdi>.*?</tr>", text, flags=re.DOTALL)[0]
+    assert "stuck" in row
+    assert "12.25" not in row
+    assert "got stuck where the crossed ring is" in text
+
+
+def test_the_index_has_no_time_of_a_run_that_got_stuck(tmp_path):
+    result = {"plans": {"dwa": {**stuck_plan(), "travel_time": 12.25}}, "executed": "dwa"}
+    write_index(tmp_path / "index.html", [("one", result)])
+    assert "12.25" not in (tmp_path / "index.html").read_text()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"place": "here"}, {"place": [1.0]}, {"place": [None, "x"]}, {"reason": HOSTILE, "message": 3}],
+)
+def test_a_stuck_run_of_another_shape_still_gives_a_page(case, tmp_path, changes):
+    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
+    plans = {**case[1]["plans"], "dwa": stuck_plan(**changes)}
+    text = write(copy, {**case[1], "plans": plans}, drawn=False)
+    assert "Dynamic window got stuck" in said(text)
+    assert not {tag for tag, _ in Page(text).elements} & {"img", "b"}
+
+
+def test_a_run_that_arrived_stands_in_the_table_and_on_the_map(case, tmp_path):
+    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
+    _, found, _ = vc_case()
+    motion = found.realisation.trajectory
+    motion.to_csv(copy / "trajectories" / "dwa.csv")
+    plans = {
+        **case[1]["plans"],
+        "dwa": {"reached": True, "travel_time": 31.5, "length": 18.0, "model": "full"},
+    }
+    words = said(write(copy, {**case[1], "plans": plans}, drawn=False))
+    assert "Dynamic window baseline full 31.500 s" in words
+    assert "stuck" not in words.split("Glossary")[0]
+
+
+def seeds(*rows: dict[str, Any]) -> dict[str, Any]:
+    return {"plans": {"collocation": {"comparison": list(rows)}}}
+
+
+ONE = {"method": "speed_graph", "class": "A", "travel_time": 20.0, "iterations": 50, "rounds": 4}
+
+
+def test_seeds_of_one_class_are_said_to_agree_and_within_what():
+    # 20.001 / 20 - 1 = 5e-5 = 0.005 %
+    story = seed_story(seeds(ONE, {**ONE, "method": "vc_method", "travel_time": 20.001}))
+    words = story.sentences[0].replace("\u00a0", " ")
+    assert words == "Speed graph and vc-method lead to the same class and agree within 0.005 %."
+    assert [row.above for row in story.compared] == ["best", "+0.005\u00a0%"]
+
+
+def test_seeds_of_different_classes_are_not_compared():
+    other = {**ONE, "method": "vc_method", "class": "B", "travel_time": 25.0}
+    assert "a homotopy class of its own" in seed_story(seeds(ONE, other)).sentences[0]
+    third = {**ONE, "method": "voronoi_route"}
+    words = seed_story(seeds(ONE, other, third)).sentences
+    assert words[0] == "Speed graph and Voronoi route lead to the same class and agree to the last digit."
+    assert words[1] == "vc-method ended in another class."
+
+
+def test_a_cold_start_that_found_nothing_is_told_with_its_reason():
+    story = seed_story(seeds(ONE, {"method": "cold_start", "message": "no safe motion", "compute_time": 3.0}))
+    assert story.sentences[-1] == "The cold start, the straight line from start to goal, led to nothing safe."
+    row = story.compared[-1]
+    assert (row.travel_time, row.above, row.message) == ("–", "–", "no safe motion")
+
+
+def test_a_cold_start_is_compared_with_the_best_of_the_others():
+    # 21 s against 20 s: 5 % more
+    words = seed_story(seeds(ONE, {"method": "cold_start", "class": "C", "travel_time": 21.0})).sentences
+    assert (
+        words[-1].replace("\u00a0", " ").endswith("led to 21.000 s, 5.00 % more than the best of the others.")
+    )
+
+
+def test_the_seeds_stand_in_the_page_with_hostile_names_as_text(case, tmp_path):
+    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
+    result = json.loads(json.dumps(case[1]))
+    hostile = {"method": HOSTILE, "class": HOSTILE, "message": HOSTILE}
+    result["plans"]["collocation"] |= {"comparison": [ONE, hostile, 3], "seeds": [ONE, hostile]}
+    text = write(copy, result, drawn=False)
+    page = Page(text)
+    assert "seeds" in {a.get("id") for _, a in page.elements}
+    assert not {tag for tag, _ in page.elements} & {"img", "b"}
+    assert "First tries of all seeds" in page.text
+
+
+def test_no_seeds_no_section(case):
+    assert 'id="seeds"' not in case[2]
+
+
+def test_the_same_inputs_give_the_same_bytes(case):
+    folder, result, text = case
+    assert write(folder, json.loads(json.dumps(result))) == text
+
+
+def test_the_path_drawn_is_the_motion_of_the_result():
+    _, found, drawing = vc_case()
+    assert isinstance(found.realisation.path, Way)
+    np.testing.assert_allclose(drawing.route[0], [1.5, 1.5], atol=1e-9)
+    np.testing.assert_allclose(drawing.route[-1], [14.5, 9.2], atol=1e-9)
