@@ -5,7 +5,8 @@ Automation Magazine 4(1), 1997, with the braking safety of O. Brock and O. Khati
 using the global dynamic window approach", ICRA 1999.
 """
 
+from vnav_drake.dwa.objective import Objective
 from vnav_drake.dwa.run import DwaRun, plan_dwa
 from vnav_drake.dwa.stuck import Stuck
 
-__all__ = ["DwaRun", "Stuck", "plan_dwa"]
+__all__ = ["DwaRun", "Objective", "Stuck", "plan_dwa"]

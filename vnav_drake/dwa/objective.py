@@ -34,8 +34,8 @@ class Objective:
     Notes
     -----
     A small circle meets nothing, so that its free way has no end, though after half a turn it leads back.
-    Fox, Burgard and Thrun weigh dist with a tenth of head, where that does no harm. With equal weights
-    tight circles would be worth as much as the freest way, and the robot would go round in them.
+    Where dist weighs as much as head, tight circles would be worth as much as the freest way there is, and
+    the robot would go round in them.
     """
 
     weights: tuple[float, float, float]  # alpha, beta, gamma
@@ -49,14 +49,20 @@ class Objective:
         to_goal = self.goal - place
         bearing = np.arctan2(to_goal[..., 1], to_goal[..., 0])
         deviation = np.abs(np.remainder(bearing - heading + math.pi, 2.0 * math.pi) - math.pi)
+        alpha, beta, gamma = self.weights
+        total = alpha * (1.0 - deviation / math.pi)
+        total = total + beta * self.freedom(problem, options) + gamma * options.speed / self.top_speed
+        return np.where(options.admissible, total, -math.inf)
+
+    def freedom(self, problem: Problem, options: Choices) -> Array:
+        """The term dist of every choice, (n, k) or (k,), in [0, 1]; void where a choice is not admissible.
+
+        A subclass may read it in another way.
+        """
         open_arcs = np.flatnonzero(options.admissible.any(axis=0))
         free = np.zeros(len(options.arcs.curvature))
         free[open_arcs] = free_length(problem, options.arcs.take(open_arcs), self.look)
-        free = np.minimum(free, half_turn(options.arcs.curvature))
-        alpha, beta, gamma = self.weights
-        total = alpha * (1.0 - deviation / math.pi)
-        total = total + beta * free / self.look + gamma * options.speed / self.top_speed
-        return np.where(options.admissible, total, -math.inf)
+        return np.asarray(np.minimum(free, half_turn(options.arcs.curvature)) / self.look)
 
 
 def half_turn(curvature: Array) -> Array:

@@ -123,6 +123,7 @@ def plan_dwa(
     window: float = 1.0,
     step: float | None = None,
     most_decisions: int = MOST_DECISIONS,
+    objective: type[Objective] = Objective,
 ) -> DwaRun:
     """Drive to the goal by the dynamic window approach (Fox, Burgard and Thrun 1997).
 
@@ -132,6 +133,7 @@ def plan_dwa(
     window : [s], for which an arc and a speed are chosen.
     step : [s], after which the robot chooses again, at most the window; None: the window, so that the
         robot moves along one circular arc in each window (Manor 2015, Sec. 2.7.2).
+    objective : what is preferred, `Objective` or a class derived from it.
 
     Returns
     -------
@@ -157,13 +159,13 @@ def plan_dwa(
     if math.dist(problem.start.position, problem.goal.position) <= NO_CHORD:
         raise PlanningError("start and goal are the same point: there is no way to plan")
     top = top_speed(problem)
-    objective = Objective(
+    prefers = objective(
         weights=weights,
         goal=problem.goal.point,
         top_speed=top,
         look=top * window + float(problem.braking.distance(top)),
     )
-    motion, last = _begin(problem, objective, window)
+    motion, last = _begin(problem, prefers, window)
     watch, found, decisions = Watch(problem, top), None, 0
     while last is None and found is None:
         found = watch.stuck(motion.time, motion.spot, motion.heading, motion.speed, motion.length)
@@ -172,7 +174,7 @@ def plan_dwa(
                 "too_many_decisions", motion, f"the goal is not reached after {decisions} decisions"
             )
         if found is None:
-            found = _decide(problem, objective, motion, window, replan)
+            found = _decide(problem, prefers, motion, window, replan)
             decisions += 1
             last = None if found is not None else _last_arc(problem, motion, window)
     while last is None and motion.speed > 0.0:
