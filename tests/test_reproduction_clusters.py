@@ -93,7 +93,7 @@ def test_the_straight_way_is_free(case):
 
 def test_the_narrow_passage_alone_takes_longer_than_the_way_round():
     # Between O1 and O2, x from 1.25 m to 2.2 m, the passage is 0.35 m wide and the robot 0.34 m: clearance is
-    # at most 0.005 m there, so 0.95 m take at least 0.95 / sqrt(2 * 0.1 * 0.005) = 30.04 s by whatever method.
+    # at most 0.005 m there, so 0.95 m take at least 0.95 / sqrt(2 * 0.1 * 0.005) = 30.04 s by any method.
     bound = 0.95 / math.sqrt(2.0 * 0.1 * 0.005)
     problem = clusters.problem_of("obstacle_cluster_2")
     shapes = {o.name: np.array(o.vertices) for o in problem.world.obstacles}
@@ -181,7 +181,7 @@ def test_speeds_are_drawn_over_length():
 
 
 def test_least_clearance_is_that_of_the_whole_motion():
-    # A hall 40 m x 10 m, radius 0.3 m, at (20, 5): along the axis clearance is 4.7 m all the way. To the left,
+    # A hall 40 m x 10 m, radius 0.3 m, at (20, 5): along the axis clearance is 4.7 m all along. To the left,
     # at 1 m/s for 1 s and 0.5 m to stop, the disc ends 3.2 m from the wall. Over the 8 m that 4 m/s need.
     world = World.build([(0, 0), (40, 0), (40, 10), (0, 10)])
     end = End(position=(1.0, 1.0))
