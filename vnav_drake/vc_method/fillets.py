@@ -107,7 +107,7 @@ def fillets(
     clearance = np.full(len(radius), -np.inf)
     rows = np.flatnonzero(exists)
     arcs = arc_points(point[rows], heading[rows], side[rows] / radius[rows], (radius * np.abs(swing))[rows])
-    clearance[rows] = least_distance(world, arcs, 1.0 / radius[rows], (radius * np.abs(swing))[rows])
+    clearance[rows] = least_distance(world.distance(arcs), 1.0 / radius[rows], (radius * np.abs(swing))[rows])
     free = clearance >= level
     free &= clearance > 0.0
     rows = np.flatnonzero(free)
@@ -157,11 +157,10 @@ def _apart(factor: Array) -> Array:
     return np.where(np.abs(factor) > 1e-3, factor, 1e-3)
 
 
-def least_distance(world: World, arcs: Array, bend: Array, length: Array) -> Array:
-    """Lower bound of the distance [m] along each arc, between its samples too."""
-    if len(arcs) == 0:
+def least_distance(distance: Array, bend: Array, length: Array) -> Array:
+    """Lower bound (n,) of the distance [m] along arcs, between their samples (n, k) [m] too."""
+    if len(distance) == 0:
         return np.zeros(0)
-    distance = world.distance(arcs)
     rows = _SAMPLES - 1
     # all arcs in one line; what row_sag says of the seams is dropped
     step = np.repeat(length / rows, _SAMPLES)[:-1]
