@@ -21,6 +21,7 @@ from verify.report import ReportExtras, write_index, write_report
 from verify.report.space_data import UNIT, space_data
 from verify.report.story import executed_plan, travel_times
 from verify.report.story_seeds import seed_story
+from verify.report.story_stuck import stuck_runs
 from verify.report.story_vc import cost_sentence, vc_story
 from vnav_drake.plan import Path as Way
 
@@ -253,13 +254,16 @@ def test_the_index_has_no_time_of_a_run_that_got_stuck(tmp_path):
     assert "12.25" not in (tmp_path / "index.html").read_text()
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [{"place": "here"}, {"place": [1.0]}, {"place": [None, "x"]}, {"reason": HOSTILE, "message": 3}],
-)
-def test_a_stuck_run_of_another_shape_still_gives_a_page(case, tmp_path, changes):
+@pytest.mark.parametrize("place", ["here", [1.0], [None, "x"], {"x": 1}, [float("nan"), 1.0]])
+def test_a_stuck_run_without_a_place_is_told_without_one(place):
+    (run,) = stuck_runs({"plans": {"dwa": stuck_plan(place=place), "refined": {"travel_time": 3.0}, "x": 7}})
+    assert run.place is None
+    assert "after 12.250\u00a0s, 9.30\u00a0m from the goal" in run.sentence
+
+
+def test_a_stuck_run_with_hostile_words_gives_them_as_text(case, tmp_path):
     copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
-    plans = {**case[1]["plans"], "dwa": stuck_plan(**changes)}
+    plans = {**case[1]["plans"], "dwa": stuck_plan(reason=HOSTILE, message=HOSTILE)}
     text = write(copy, {**case[1], "plans": plans}, drawn=False)
     assert "Dynamic window got stuck" in said(text)
     assert not {tag for tag, _ in Page(text).elements} & {"img", "b"}
@@ -292,6 +296,12 @@ def test_seeds_of_one_class_are_said_to_agree_and_within_what():
     words = story.sentences[0].replace("\u00a0", " ")
     assert words == "Speed graph and vc-method lead to the same class and agree within 0.005 %."
     assert [row.above for row in story.compared] == ["best", "+0.005\u00a0%"]
+
+
+def test_however_close_seeds_agree_the_figure_is_told():
+    # 20.000002 / 20 - 1 = 1e-7 = 10^-5 %
+    story = seed_story(seeds(ONE, {**ONE, "method": "vc_method", "travel_time": 20.000002}))
+    assert story.sentences[0].replace("\u00a0", " ").endswith("agree within 1.0 × 10⁻⁵ %.")
 
 
 def test_seeds_of_different_classes_are_not_compared():

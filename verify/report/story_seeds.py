@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from verify.report.numbers import DASH, count, duration, number_in, percent, seconds
+from verify.report.numbers import DASH, count, duration, fine_percent, number_in, percent, seconds
 from verify.report.palette import Method, method
 from verify.report.story import Result, entries, mapping, words
 
@@ -89,7 +89,7 @@ def _agreement(compared: Sequence[Mapping[str, Any]]) -> list[str]:
     for rows in shared.values():
         low, high = min(time for _, time in rows), max(time for _, time in rows)
         names = _listed([method(key).label for key, _ in rows])
-        apart = "to the last digit" if high == low else f"within {percent(high / low - 1.0)}"
+        apart = "to the last digit" if high == low else f"within {fine_percent(high / low - 1.0).lstrip('+')}"
         out.append(f"{names} lead to the same class and agree {apart}.")
     alone = [method(rows[0][0]).label for rows in groups.values() if len(rows) == 1]
     if alone:

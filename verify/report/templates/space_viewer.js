@@ -14,11 +14,11 @@
   // Numbers of a shape follow each other: x, y, v, x, y, v, ... in shares of the world and of the top speed.
   const centre = [data.size[0] / 2, data.size[1] / 2];
 
-  function projector() {
+  function projector(ratio) {
     const [ca, sa, ce, se] = [Math.cos(view.azimuth), Math.sin(view.azimuth), Math.cos(view.elevation), Math.sin(view.elevation)];
     const reach = Math.hypot(...data.size) / 2;
     const wide = canvas.width, high = canvas.height;
-    const scale = Math.min(wide / (2.08 * reach), high / (2.02 * reach * se + 1.1 * data.rise * data.unit * ce));
+    const scale = Math.min((wide - 90 * ratio) / (2 * reach), high / (2.02 * reach * se + 1.1 * data.rise * data.unit * ce));
     const middle = high / 2 + (data.rise * data.unit * ce * scale) / 2;
     return (points) => {
       const flat = new Float64Array((points.length / 3) * 2);
@@ -123,7 +123,7 @@
     canvas.style.height = `${high}px`;
     canvas.width = Math.round(wide * ratio);
     canvas.height = Math.round(high * ratio);
-    const project = projector(), fine = ratio * Math.min(1, 0.45 + wide / 1600);
+    const project = projector(ratio), fine = ratio * Math.min(1, 0.45 + wide / 1600);
     faces(project);
     lines(project, fine);
     marks(project, fine);
