@@ -26,6 +26,7 @@ from vnav_drake.voronoi import build_diagram
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 WORLDS = 100
+FAR = 2.0  # ratio of lengths: most of the way leads to the arcs and back
 CLASSES = 3  # refined to find the fastest
 
 
@@ -113,11 +114,17 @@ def section(data: Data) -> str:
                 f" {', '.join(asked['gates'])}, whose optimum is {asked['optimum']:.3f} s. The vc-method"
                 " takes no such orders; its row is against the fastest class of the same world."
             )
-        if row["rest"]:
-            notes.append(
-                f"`{name}` starts or ends at rest; the optimum does not, so that its ratio holds the ramps"
-                " too."
-            )
+    rest = [f"`{name}`" for name, row in data["scenarios"].items() if row["rest"]]
+    if rest:
+        notes.append(
+            f"{', '.join(rest)}: from or to rest. The optimum is not, so that the ratio holds the ramps too."
+        )
+    far = [f"`{name}`" for name, row in data["scenarios"].items() if row["length_ratio"] > FAR]
+    if far:
+        notes.append(
+            f"{', '.join(far)}: the method goes to the nearest Voronoi arc and back again, which is far away in"
+            " a hall with nothing but one obstacle near; the optimum stays where it is."
+        )
     head = ["scenario", "optimum [s]", "along the arcs [s]", "vc-method [s]", "ratio", "ratio of lengths"]
     scenarios = table([*head, "class", "shortfalls"], rows)
     worlds = data["worlds"]
