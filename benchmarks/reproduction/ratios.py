@@ -122,8 +122,8 @@ def section(data: Data) -> str:
     far = [f"`{name}`" for name, row in data["scenarios"].items() if row["length_ratio"] > FAR]
     if far:
         notes.append(
-            f"{', '.join(far)}: the method goes to the nearest Voronoi arc and back again, which is far away in"
-            " a hall with nothing but one obstacle near; the optimum stays where it is."
+            f"{', '.join(far)}: the method goes to the nearest Voronoi arc and back again, which is far away"
+            " in a hall with nothing but one obstacle near; the optimum stays where it is."
         )
     head = ["scenario", "optimum [s]", "along the arcs [s]", "vc-method [s]", "ratio", "ratio of lengths"]
     scenarios = table([*head, "class", "shortfalls"], rows)
