@@ -109,7 +109,7 @@ def test_the_viewer_gets_numbers_of_its_own_scale_and_no_text_from_files():
     text = str(space_data(scenario.problem, drawing))
     data = json.loads(text)
     assert "<" not in text  # an obstacle is called </script><b>C</b>
-    assert [label["text"] for label in data["labels"]] == ["start", "goal", "0", "1", "2 m/s"]
+    assert [label["text"] for label in data["labels"]] == ["start", "goal", "0", "1", "2", "m/s"]
     assert data["size"] == [UNIT, pytest.approx(11 / 16 * UNIT)]  # a floor of 16 x 11 m
     numbers = [n for group in data["faces"] + data["lines"] for n in numbers_of(group["shapes"])]
     numbers += [n for group in data["points"] for n in group["points"]]

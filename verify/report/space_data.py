@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 
 UNIT = 10_000
 ENDS = ("start", "goal")
+SPEED = "m/s"
 
 
 def space_data(problem: Problem, drawing: VcDrawing) -> Markup:
@@ -104,7 +105,8 @@ def space_data(problem: Problem, drawing: VcDrawing) -> Markup:
         ],
         "labels": [
             *(_label(text, numbers(end[:1]), 0, 14) for text, end in zip(ENDS, ends, strict=True)),
-            *(_label(text, numbers(tick), -14, 0) for text, tick in ticks),
+            *(_label(text.removesuffix(f" {SPEED}"), numbers(tick), -10, 0) for text, tick in ticks),
+            _label(SPEED, numbers(ticks[-1][1]), 0, -14),
         ],
     }  # fmt: skip
     return Markup(json.dumps(data, separators=(",", ":")))
