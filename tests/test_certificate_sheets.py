@@ -353,16 +353,30 @@ def test_a_wall_cuts_a_triangle_from_rim_to_rim_or_not_at_all(wall, holds, exact
     )
 
 
-@pytest.mark.parametrize("change", [{"radius": 0.5}, {"braking": {"margin": 0.1}}], ids=["radius", "margin"])
-def test_copies_are_for_a_robot_without_radius_and_margin(change, oblique, tmp_path):
-    _, arrays = oblique
+def for_robot(arrays, **change):
+    """The case with another robot: a wall from side to side, so that nobody gets across."""
     more = [{"vertices": [[1, 1], [2, 1], [2, 2]]}, {"vertices": [[11, 7]]}]
     asked = asked_with([[5.1, 0], [6.9, 8]], more=more, **change)
     limits = asked.setting.limits
     arrays["law"] = np.array([limits.radius, limits.braking, 0.0, limits.margin, math.inf])
-    found = told(arrays, asked, tmp_path)
-    assert "m, are for a robot without radius and margin; this one has" in found
+    return asked
+
+
+def test_copies_are_for_a_robot_without_margin(oblique, tmp_path):
+    _, arrays = oblique
+    found = told(arrays, for_robot(arrays, braking={"margin": 0.1}), tmp_path)
+    assert "m, are for a robot without margin; this one has 0.1 m" in found
     assert "copies, as at (" in found
+
+
+@BOTH
+def test_copies_are_for_a_robot_with_a_radius_too(exact, oblique, tmp_path):
+    _, arrays = oblique
+    asked = for_robot(arrays, radius=0.5)
+    proof = case.proof(case.sealed(arrays), asked, tmp_path, exact=exact)
+    assert proof.holds, proof.reasons
+    assert "a disc of radius 0.5 m" in proof.statement
+    assert "that touches nothing on its way" in proof.statement
 
 
 @pytest.mark.parametrize("end", ["start", "goal"])

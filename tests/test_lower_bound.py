@@ -398,6 +398,19 @@ def test_with_an_end_on_a_wall_nothing_is_cut():
     assert len(np.unique(certificate.vertices, axis=0)) == len(certificate.vertices)
 
 
-def test_a_robot_with_a_radius_needs_no_sheets():
-    certificate = bound(problem([(4.0, 0.0), (4.0, 4.0)], radius=0.2), budget=4000).certificate
+def test_a_small_robot_among_walls_does_not_need_triangles_as_small_as_itself():
+    # Oblique walls across the room, each with a gap at one end, and a robot of 2 cm: the way is a zigzag.
+    # Without sheets the walls are open until triangles along them are 2 cm wide.
+    walls = [[(2.0, 0.0), (2.3, 5.0)], [(4.3, 6.0), (4.0, 1.0)], [(6.0, 0.0), (6.3, 5.0)]]
+    question = problem(*walls, radius=0.02, start=(1.0, 0.7), goal=(7.0, 0.8))
+    best = speed_graph(question, classes=1).classes[0].travel_time
+    found = bound(question, upper=best, gap=0.03)
+    assert found.stopped == "gap"
+    assert found.travel_time <= best
+    assert found.certificate.side.any()
+
+
+def test_a_robot_with_a_margin_has_no_sheets():
+    asked = problem([(4.0, 0.0), (4.0, 4.0)], radius=0.1, margin=0.1)
+    certificate = bound(asked, budget=4000).certificate
     assert len(np.unique(certificate.vertices, axis=0)) == len(certificate.vertices)

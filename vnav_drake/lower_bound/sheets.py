@@ -1,9 +1,10 @@
 """Triangles that a wall without thickness cuts through stand twice, so that u may jump across it.
 
-For a robot that is a point and needs no margin, V = 0 only on the wall itself, and the time to the other
-side is finite in ds/V: a continuous u could prove no more than the way through the wall. A motion keeps
-clear of it, though, so it sees only one side of a cut triangle. Each side has a copy of the triangle, with
-control values of its own, and copies are joined where a motion can get from one into the other: at every
+For a point robot V = 0 only on the wall itself, and the time to the other side is finite in ds/V: a
+continuous u could prove no more than the way through the wall. For a disc the strip where V = 0 is as wide as
+the disc, but it is dropped only where triangles are smaller than that. A motion keeps clear of the wall,
+though, so it sees only one side of a cut triangle. Each side has a copy of the triangle, with control values
+of its own, and copies are joined where a motion can get from one into the other: at every
 edge that has a point in both parts.
 """
 
@@ -65,13 +66,13 @@ def sheets(cover: Cover) -> Sheets:
 
 
 def _walls(cover: Cover) -> Indices:
-    """Features that are walls to be told apart by their sides; none where the robot keeps a distance.
+    """Features that are walls to be told apart by their sides; none where the robot keeps a margin.
 
     With an end on a wall there is no telling on which side a motion sets out.
     """
     ground = cover.ground
     walls = np.flatnonzero(ground.features.walls)
-    if ground.law.level > 0.0:
+    if ground.law.braking.margin > 0.0:
         return walls[:0]
     a, b = _ends(cover, walls)
     for end in (ground.start, ground.goal):

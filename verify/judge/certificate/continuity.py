@@ -1,10 +1,10 @@
 """Does u jump across walls only? Decided exactly.
 
-Let V vanish on obstacles only (rho + m = 0). A motion has d > 0 at all times but perhaps the first and
-the last, when it is at S and G, which lie on no wall. In a triangle that wall f cuts through, the chord of
-f's line is wall, so the motion is strictly on one side there, in the part of one copy. On a side of two
-triangles, the copies whose parts hold the same point have the same controls, so they agree. At a
-vertex off all obstacles go round it: neighbours share a side on which the vertex lies in both parts, so
+Let V vanish at d = 0 only (no margin). A motion has d > 0 at all times but perhaps the first and the last,
+when it is at S and G, which lie on no wall; so it is on no wall at any time. In a triangle that wall f cuts
+through, the chord of f's line is wall, so the motion is strictly on one side there, in the part of one
+copy. On a side of two triangles, copies whose parts hold the same point have the same controls: they agree.
+At a vertex off all obstacles go round it: neighbours share a side on which the vertex lies in both parts, so
 all of them have the same value; S and G are looked at by themselves. And parts are open in their
 triangles: a copy that holds q(t0) holds q(t) at all times near t0 when q(t) is in its triangle. So u(q(t))
 has one value at each time and is continuous.
@@ -67,16 +67,16 @@ def _walls(features: Features) -> Mask:
 def _needless(
     file: CertificateFile, sheets: Sheets, question: Question, walls: Mask, exact: bool
 ) -> list[str]:
-    """Whether copies are allowed at all: V must vanish on obstacles only, and no end may lie on a wall."""
+    """Whether copies are allowed at all: V must vanish at d = 0 only, and no end may lie on a wall."""
     limits, faults = question.setting.limits, []
-    if limits.radius > 0.0 or limits.margin > 0.0:
+    if limits.margin > 0.0:
         vertex = int(file.triangles[np.argmax(file.side != 0), 0])
         if sheets.place is not None:
             vertex = int(np.argmax(sheets.place != np.arange(len(sheets.place))))
         x, y = file.points[vertex]
         faults.append(
-            f"copies, as at ({x:.9g}, {y:.9g}) m, are for a robot without radius and margin; "
-            f"this one has {limits.radius:g} m and {limits.margin:g} m"
+            f"copies, as at ({x:.9g}, {y:.9g}) m, are for a robot without margin; "
+            f"this one has {limits.margin:g} m"
         )
     rows = np.flatnonzero(walls)
     for name, end in (("start", question.setting.start), ("goal", question.setting.goal)):
