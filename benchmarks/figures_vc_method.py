@@ -201,8 +201,9 @@ def growth(data: dict[str, Any]) -> Figure:
 
 def with_tables(page: str, shares: dict[str, Any], times: dict[str, Any]) -> str:
     """The page with both tables written anew. Raises ValueError where its marks are missing."""
-    load = f"medians of {times['rounds']}, load {times['load']:.1f} on {times['cores']} cores; times in s:"
-    measured = f"{load}\n\n{speed.table(times)}\n{speed.verdict(times)}.\n"
+    load = f"load {times['load']:.1f} on {times['cores']} cores"
+    head = f"Processor time in s, medians of {times['rounds']} ({load}):"
+    measured = f"{head}\n\n{speed.table(times)}\n{speed.verdict(times)}.\n"
     for name, text in (("study", study.text(shares) + "\n"), ("speed", measured)):
         begin, end = (mark.format(name) for mark in MARKS)
         if page.count(begin) != 1 or page.count(end) != 1:
