@@ -249,9 +249,9 @@ def _optimise(stages: Stages, seeds: Sequence[Seed], gates: Gates) -> None:
     )
 
     if best is not None:
-        tried, told = best.details["seeds"], stages.told("seeds compared")
+        found, told = best, stages.told("seeds compared")
         rows = stages.run(
-            "seed_comparison", lambda: compare_seeds(problem, seeds, tried, gates, effort, told)
+            "seed_comparison", lambda: compare_seeds(problem, seeds, found, gates, effort, told)
         )
         done.comparison = rows or []
 

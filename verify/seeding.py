@@ -53,7 +53,7 @@ def cold_start(problem: Problem) -> Seed:
 def compare_seeds(
     problem: Problem,
     seeds: Sequence[Seed],
-    tried: Sequence[Mapping[str, Any]],
+    plan: Plan,
     gates: Gates,
     effort: Effort,
     progress: Callable[[str], None],
@@ -62,37 +62,51 @@ def compare_seeds(
 
     Parameters
     ----------
-    tried : a row for each seed, of its first try; where nothing safe came of that there is no second.
+    plan : what came of all seeds. It has a row for each seed's first try; where nothing safe came of that
+        there is no second, and the seed that it was refined from is not refined again.
 
     Returns
     -------
     A row for each: `method`, `class` of what came out, `travel_time` [s], `iterations`, `rounds`,
     `intervals`; or instead of these `message`, why nothing safe came of it; and `compute_time` [s].
     """
-    first: dict[str, tuple[Seed, Mapping[str, Any]]] = {}
-    for seed, found in zip(seeds, tried, strict=True):
-        first.setdefault(seed.method, (seed, found))
+    tried: Sequence[Mapping[str, Any]] = plan.details["seeds"]
+    first: dict[str, int] = {}
+    for number, seed in enumerate(seeds):
+        first.setdefault(seed.method, number)
     rows: list[dict[str, Any]] = []
-    for method, (seed, found) in first.items():
+    for method, number in first.items():
+        found = tried[number]
         if "travel_time" not in found:
             rows.append({key: found[key] for key in ("method", "message", "compute_time")})
-            continue
-        progress(method.replace("_", " "))
-        begun = time.perf_counter()
-        try:
-            plan = plan_variational(problem, [seed], effort=effort)
-        except PlanningError as error:
-            row: dict[str, Any] = {"message": str(error)}
+        elif number == plan.details["refined_seed"] and len(seeds) > 1:
+            row = _outcome(plan, gates)  # its first try was the first round of this
+            row |= {"iterations": row["iterations"] + found["iterations"], "rounds": row["rounds"] + 1}
+            seconds = found["compute_time"] + plan.details["refine_time"]
+            rows.append({"method": method, **row, "compute_time": seconds})
         else:
-            row = {
-                "class": class_of(gates, plan.trajectory),
-                "travel_time": plan.travel_time,
-                "iterations": plan.details["iterations"],
-                "rounds": len(plan.details["history"]),
-                "intervals": plan.details["intervals"],
-            }
-        rows.append({"method": method, **row, "compute_time": time.perf_counter() - begun})
+            progress(method.replace("_", " "))
+            rows.append({"method": method, **_alone(problem, seeds[number], gates, effort)})
     return rows
+
+
+def _alone(problem: Problem, seed: Seed, gates: Gates, effort: Effort) -> dict[str, Any]:
+    begun = time.perf_counter()
+    try:
+        row = _outcome(plan_variational(problem, [seed], effort=effort), gates)
+    except PlanningError as error:
+        row = {"message": str(error)}
+    return {**row, "compute_time": time.perf_counter() - begun}
+
+
+def _outcome(plan: Plan, gates: Gates) -> dict[str, Any]:
+    return {
+        "class": class_of(gates, plan.trajectory),
+        "travel_time": plan.travel_time,
+        "iterations": plan.details["iterations"],
+        "rounds": len(plan.details["history"]),
+        "intervals": plan.details["intervals"],
+    }
 
 
 def with_times(seeds: Sequence[Seed], plan: Plan, gates: Gates) -> list[Seed]:

@@ -40,7 +40,7 @@ def run_vc_method(problem: Problem, diagram: VoronoiDiagram, gates: Gates, setti
     shortest = _shortest(problem, diagram, gates)
     details = {**plan.details, "other_route": other, "shortest_route": shortest}
     fits = gates.matches(word_of(gates, path), settings.through)
-    seed = Seed(path, plan.method, homotopy_class=class_of(gates, path), as_mesh=False)
+    seed = Seed(path, plan.method, homotopy_class=class_of(gates, path), far=True)
     return VcStage(plan=replace(plan, details=details), seed=seed if fits else None, result=result)
 
 

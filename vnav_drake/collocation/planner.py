@@ -40,8 +40,9 @@ def plan_variational(
     seeds : paths from start to goal, best guess first. Each is tried with one solve of a coarse mesh; the
         fastest is refined. `details["seeds"]` has a row for each: method, class (where the seed has one),
         travel time [s], iterations, compute time [s]; no travel time when nothing safe came of it. A lone
-        seed needs no trial: its row is of the whole refinement. `details["fault"]` is there when the
-        solver failed in a later round; what earlier rounds found then stands.
+        seed needs no trial: its row is of the whole refinement. `details["refined_seed"]` is the row that was
+        refined, `refine_time` [s] how long that took. `details["fault"]` is there when the solver failed
+        in a later round; what earlier rounds found then stands.
 
     Raises
     ------
@@ -83,8 +84,9 @@ def _plan(
         tries += dubins_seeds(problem)
     budget = BUDGETS[effort]
     scaled, unit = unit_braking(problem)
-    guess, rows = _first_guess(scaled, tries, model, budget, unit)
+    guess, chosen, rows = _first_guess(scaled, tries, model, budget, unit)
     report = None if progress is None else _in_seconds(progress, unit)
+    scouted = time.perf_counter()
     result = refine(scaled, guess, model, budget, report)
     trajectory = fastest_profile(problem, result.path, model=model)
     work = {
@@ -100,6 +102,8 @@ def _plan(
         **work,
         "history": [entry.in_seconds(unit) for entry in result.rounds],
         "seeds": rows,
+        "refined_seed": chosen,
+        "refine_time": time.perf_counter() - scouted,
     }
     if result.fault:
         details["fault"] = result.fault
@@ -108,13 +112,13 @@ def _plan(
 
 def _first_guess(
     problem: Problem, seeds: Sequence[Seed], model: Model, budget: Budget, unit: float
-) -> tuple[Mesh, list[dict[str, object]]]:
-    """The mesh of the seed that leads to the shortest time, and a row for each seed.
+) -> tuple[Mesh, int, list[dict[str, object]]]:
+    """The mesh of the seed that leads to the shortest time, its number, and a row for each seed.
 
     A lone seed needs no trial and has no row here.
     """
     best: Mesh | None = None
-    least = math.inf
+    chosen, least = 0, math.inf
     rows: list[dict[str, object]] = []
     for seed in seeds if len(seeds) > 1 else ():
         begun = time.perf_counter()
@@ -123,7 +127,7 @@ def _first_guess(
             rows.append(row | {"message": "not tried: slower already in the variational model"})
             continue
         try:
-            mesh = first_mesh(problem, seed.path, budget.intervals, as_mesh=seed.as_mesh)
+            mesh = first_mesh(problem, seed.path, budget.intervals, as_mesh=seed.as_mesh, far=seed.far)
             result = refine(problem, mesh, model, budget.scout)
         except PlanningError as error:
             row["message"] = str(error)
@@ -132,11 +136,12 @@ def _first_guess(
             row["travel_time"] = travel_time * unit
             row["iterations"] = sum(entry.iterations for entry in result.rounds)
             if travel_time < least * (1.0 - SAME_TIME):
-                best, least = result.mesh, travel_time
+                best, chosen, least = result.mesh, len(rows), travel_time
         rows.append(row | {"compute_time": time.perf_counter() - begun})
     if best is None:
-        best = first_mesh(problem, seeds[0].path, budget.intervals, as_mesh=seeds[0].as_mesh)
-    return best, rows
+        first = seeds[0]
+        best = first_mesh(problem, first.path, budget.intervals, as_mesh=first.as_mesh, far=first.far)
+    return best, chosen, rows
 
 
 def _row(seed: Seed) -> dict[str, object]:

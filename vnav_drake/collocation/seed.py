@@ -35,16 +35,19 @@ class Seed:
     as_mesh: bool = (
         True  # its own arcs are the first mesh, where it is smooth and has no more than MOST_PIECES
     )
+    far: bool = False  # known to go a long way round: short-cut first, as kinked ones are
 
 
-def first_mesh(problem: Problem, seed: Path, intervals: int, *, as_mesh: bool = True) -> Mesh:
+def first_mesh(
+    problem: Problem, seed: Path, intervals: int, *, as_mesh: bool = True, far: bool = False
+) -> Mesh:
     """A guess from `seed`: its own arcs when it is smooth and coarse, else arcs along it or a short cut.
 
     Intervals of a smooth and coarse seed are no longer than the path's length over `intervals`. A smooth
     seed of many arcs, or whose arcs say nothing about a mesh, gives `intervals` knots on itself with its
-    headings; a kinked one is short-cut first.
+    headings; a kinked one, or one that goes far round, is short-cut first.
     """
-    smooth = bool(np.all(np.abs(seed.kinks) <= KINK_TOLERANCE))
+    smooth = not far and bool(np.all(np.abs(seed.kinks) <= KINK_TOLERANCE))
     if smooth and as_mesh and len(seed.curvature) <= MOST_PIECES:
         parts = np.ceil(seed.piece_length / seed.length * intervals * (1.0 - 1e-9)).astype(np.int64)
         seed = seed.subdivided(np.maximum(parts, 1))
