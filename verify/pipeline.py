@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -243,12 +244,15 @@ def _optimise(stages: Stages, seeds: Sequence[Seed], gates: Gates) -> None:
     problem, effort = scenario.problem, scenario.plan.effort
     if not scenario.plan.through:
         seeds = [*seeds, cold_start(problem)]
-    told = stages.told("collocation")
+    told, named = stages.told("collocation"), partial(class_of, gates)
     best = done.keep(
-        stages.run("collocation", lambda: plan_variational(problem, seeds, effort=effort, progress=told))
+        stages.run(
+            "collocation",
+            lambda: plan_variational(problem, seeds, effort=effort, progress=told, class_of=named),
+        )
     )
 
-    if best is not None:
+    if best is not None and effort == "full":
         found, told = best, stages.told("seeds compared")
         rows = stages.run(
             "seed_comparison", lambda: compare_seeds(problem, seeds, found, gates, effort, told)
@@ -257,7 +261,7 @@ def _optimise(stages: Stages, seeds: Sequence[Seed], gates: Gates) -> None:
 
     def refine() -> Plan:
         starts = seeds if best is None else with_times(seeds, best, gates)
-        return plan_full(problem, starts, effort=effort, progress=stages.told("refined"))
+        return plan_full(problem, starts, effort=effort, progress=stages.told("refined"), class_of=named)
 
     done.keep(stages.run("refined", refine))
 

@@ -13,7 +13,7 @@ from pydantic_core import ErrorDetails
 from vnav_drake.scenario_file import Document, Fault, KeyPath, show_value
 from vnav_drake.scenario_spec import MAX_COORDINATE, ScenarioSpec, scenario_schema
 
-_OWN_TYPES = {"version", "text", "name", "speed", "zone", "methods", "shape"}
+_OWN_TYPES = {"version", "text", "name", "speed", "zone", "methods", "shape", "weights", "step"}
 _MANY = 10_000  # faults beyond this are counted, not listed: each takes a kilobyte
 _PLAIN = {
     "finite_number": "must be finite",

@@ -238,9 +238,9 @@ class DwaSpec(_Section):
         description="Of heading, free way and speed in the objective; not all zero.",
         strict=False,
     )
-    window: float = _number("Time for which an arc and a speed are chosen.", "s", 1.0, ge=1.0e-3, le=100.0)
+    window: float = _number("Time for which an arc and a speed are chosen.", "s", 1.0, ge=0.02, le=100.0)
     step: float | None = _number(
-        "Time after which it chooses again, at most the window; null: the default.", "s", None, ge=1.0e-3
+        "Time after which it chooses again, at most the window; null: the default.", "s", None, ge=0.02
     )
 
     @field_validator("weights")

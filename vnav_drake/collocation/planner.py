@@ -20,6 +20,7 @@ SAME_TIME = 1e-4  # a later seed must gain this share to be preferred: coarse me
 
 Effort = Literal["quick", "full"]
 Progress = Callable[[str], None]
+NameClass = Callable[[Path], str]  # names the homotopy class of a path
 
 
 def plan_variational(
@@ -28,6 +29,7 @@ def plan_variational(
     *,
     effort: Effort = "full",
     progress: Progress | None = None,
+    class_of: NameClass | None = None,
 ) -> Plan:
     """The fastest path under the braking distance and the greatest speed alone, near the best seed.
 
@@ -43,12 +45,14 @@ def plan_variational(
         seed needs no trial: its row is of the whole refinement. `details["refined_seed"]` is the row that was
         refined, `refine_time` [s] how long that took. `details["fault"]` is there when the solver failed
         in a later round; what earlier rounds found then stands.
+    class_of : names what came of each seed, as `ended_in`; that need not be the seed's class, as between two
+        knots a path can slip past a point.
 
     Raises
     ------
     PlanningError : no safe geometry was found from any seed.
     """
-    return _plan(problem, seeds, "collocation", "variational", effort, progress)
+    return _plan(problem, seeds, "collocation", "variational", effort, progress, class_of)
 
 
 def plan_full(
@@ -57,6 +61,7 @@ def plan_full(
     *,
     effort: Effort = "full",
     progress: Progress | None = None,
+    class_of: NameClass | None = None,
 ) -> Plan:
     """The fastest motion within every limit of the robot, end speeds and headings included.
 
@@ -67,7 +72,7 @@ def plan_full(
     ------
     PlanningError : no motion was found from any seed that satisfies every limit.
     """
-    return _plan(problem, seeds, "refined", "full", effort, progress)
+    return _plan(problem, seeds, "refined", "full", effort, progress, class_of)
 
 
 def _plan(
@@ -77,6 +82,7 @@ def _plan(
     model: Model,
     effort: Effort,
     progress: Progress | None,
+    class_of: NameClass | None,
 ) -> Plan:
     begun = time.perf_counter()
     tries = [Seed(seeds)] if isinstance(seeds, Path) else list(seeds)
@@ -84,7 +90,7 @@ def _plan(
         tries += dubins_seeds(problem)
     budget = BUDGETS[effort]
     scaled, unit = unit_braking(problem)
-    guess, chosen, rows = _first_guess(scaled, tries, model, budget, unit)
+    guess, chosen, rows = _first_guess(scaled, tries, model, budget, unit, class_of)
     report = None if progress is None else _in_seconds(progress, unit)
     scouted = time.perf_counter()
     result = refine(scaled, guess, model, budget, report)
@@ -94,7 +100,8 @@ def _plan(
         "compute_time": time.perf_counter() - begun,
     }
     if not rows:
-        rows = [_row(tries[0]) | {"travel_time": trajectory.travel_time} | work]
+        ended = _ended(result.path, class_of)
+        rows = [_row(tries[0]) | ended | {"travel_time": trajectory.travel_time} | work]
     details: dict[str, object] = {
         "solver": "SNOPT",
         "transcription": "arcs",
@@ -111,7 +118,12 @@ def _plan(
 
 
 def _first_guess(
-    problem: Problem, seeds: Sequence[Seed], model: Model, budget: Budget, unit: float
+    problem: Problem,
+    seeds: Sequence[Seed],
+    model: Model,
+    budget: Budget,
+    unit: float,
+    class_of: NameClass | None,
 ) -> tuple[Mesh, int, list[dict[str, object]]]:
     """The mesh of the seed that leads to the shortest time, its number, and a row for each seed.
 
@@ -133,6 +145,7 @@ def _first_guess(
             row["message"] = str(error)
         else:
             travel_time = result.trajectory.travel_time
+            row |= _ended(result.path, class_of)
             row["travel_time"] = travel_time * unit
             row["iterations"] = sum(entry.iterations for entry in result.rounds)
             if travel_time < least * (1.0 - SAME_TIME):
@@ -148,6 +161,11 @@ def _row(seed: Seed) -> dict[str, object]:
     """Where a seed is from, for its row."""
     named = {"class": seed.homotopy_class} if seed.homotopy_class else {}
     return {"method": seed.method, **named}
+
+
+def _ended(path: Path, class_of: NameClass | None) -> dict[str, object]:
+    """What the class of a path is called, where anyone can tell."""
+    return {} if class_of is None else {"ended_in": class_of(path)}
 
 
 def _in_seconds(progress: Progress, unit: float) -> Callable[[int, float], None]:

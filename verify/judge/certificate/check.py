@@ -10,7 +10,7 @@ Lipschitz functions, so it is Lipschitz, and its rate is almost everywhere at mo
 Integrate. The inequality is shown at the corners only: grad u is affine on a triangle, its norm convex, and
 the minorant of 1/V affine.
 
-For a point robot (rho + m = 0) walls may cut u: then the theorem is about motions that touch nothing, and
+For a robot without margin (m = 0) walls may cut u: then the theorem is about motions that touch nothing, and
 `continuity` shows that u(q(t)) is continuous for them.
 """
 

@@ -1,7 +1,7 @@
 """What stands at the same place: copies of vertices, and triangles that a wall cuts into two sheets.
 
-A point robot is slow beside a wall and stops on it, but a wall without thickness takes no way, so that a
-continuous u could not tell one side from the other. Where a wall cuts a triangle through, the
+A robot is slow beside a wall and stops at it, but a wall without thickness takes little or no way, so that a
+continuous u could hardly tell one side from the other. Where a wall cuts a triangle through, the
 certificate may hold it twice, once for the part on each side, with control values of its own. Places
 are lattice points: vertices there may be several, each with its own value.
 """
