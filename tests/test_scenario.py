@@ -21,8 +21,13 @@ from vnav_drake.scenario_file import read_document
 ROOT = Path(__file__).parents[1]
 GALLERY = sorted((ROOT / "scenarios").glob("*.yaml"))
 NAMES = [
+    "city_blocks",
     "corridor",
+    "create_three_rectangles",
     "four_point_room",
+    "obstacle_cluster_1",
+    "obstacle_cluster_2",
+    "office_floor",
     "single_point",
     "single_wall",
     "two_room_office",
