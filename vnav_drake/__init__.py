@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from vnav_drake.braking import UniformBraking
     from vnav_drake.collocation import Seed, plan_full, plan_variational
+    from vnav_drake.dwa import DwaRun, plan_dwa
     from vnav_drake.lower_bound import Certificate, LowerBound
     from vnav_drake.plan import Path, Plan, Trajectory
     from vnav_drake.problem import End, NoPathError, PlanningError, Problem
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from vnav_drake.scenario import Scenario, ScenarioError, load_scenario
     from vnav_drake.speed_graph import ClassOptimum, SpeedGraphResult, plan_speed_graph
     from vnav_drake.speed_profile import fastest_profile
+    from vnav_drake.vc_method import VcResult, plan_vc_method
     from vnav_drake.voronoi import VoronoiDiagram, build_diagram
     from vnav_drake.voronoi_route import k_best_routes, plan_voronoi_route
     from vnav_drake.world import Obstacle, World, WorldError
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Certificate",
     "ClassOptimum",
+    "DwaRun",
     "End",
     "LowerBound",
     "NoPathError",
@@ -40,6 +43,7 @@ __all__ = [
     "SpeedGraphResult",
     "Trajectory",
     "UniformBraking",
+    "VcResult",
     "VoronoiDiagram",
     "World",
     "WorldError",
@@ -47,9 +51,11 @@ __all__ = [
     "fastest_profile",
     "k_best_routes",
     "load_scenario",
+    "plan_dwa",
     "plan_full",
     "plan_speed_graph",
     "plan_variational",
+    "plan_vc_method",
     "plan_voronoi_route",
 ]
 
@@ -59,6 +65,10 @@ _HOMES = {
         "Seed",
         "plan_full",
         "plan_variational",
+    ),
+    "dwa": (
+        "DwaRun",
+        "plan_dwa",
     ),
     "lower_bound": (
         "Certificate",
@@ -87,6 +97,10 @@ _HOMES = {
         "plan_speed_graph",
     ),
     "speed_profile": ("fastest_profile",),
+    "vc_method": (
+        "VcResult",
+        "plan_vc_method",
+    ),
     "voronoi": (
         "VoronoiDiagram",
         "build_diagram",
