@@ -1,4 +1,4 @@
-"""The report's section on the vc-method, the seeds compared, and runs that got stuck."""
+"""The report's section on the vc-method, what its first lines say of it, and runs that got stuck."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 from report_case import vc_case, write_vc_folder
 from test_report import HOSTILE, Page
+from test_report_seeds import ONE
 
 from verify.report import ReportExtras, write_index, write_report
+from verify.report.answer import answer
 from verify.report.space_data import UNIT, space_data
-from verify.report.story import executed_plan, travel_times
-from verify.report.story_seeds import seed_story
+from verify.report.story import check_rows, executed_plan, travel_times
 from verify.report.story_stuck import stuck_runs
 from verify.report.story_vc import cost_sentence, vc_story
 from vnav_drake.plan import Path as Way
@@ -37,9 +38,20 @@ def write(folder: Path, result: dict[str, Any], *, drawn: bool = True) -> str:
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], str]:
+    """Folder, result and page, without pictures of the executed motion: those take most of the time."""
     folder = tmp_path_factory.mktemp("vc") / "three_obstacles"
     result = write_vc_folder(folder)
+    (folder / "trajectory.csv").unlink()
+    (folder / "trajectories" / "refined.csv").unlink()
     return folder, result, write(folder, result)
+
+
+@pytest.fixture(scope="module")
+def undrawn(case: tuple[Path, dict[str, Any], str], tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The same page where the vc-method's drawing was not at hand."""
+    folder = tmp_path_factory.mktemp("undrawn") / "three_obstacles"
+    shutil.copytree(case[0], folder)
+    return write(folder, case[1], drawn=False)
 
 
 def said(text: str) -> str:
@@ -57,27 +69,18 @@ def test_the_section_is_there_and_well_formed(case):
         ET.fromstring(svg)
 
 
-def test_the_section_adds_little_to_the_page(case, tmp_path):
-    folder, result, text = case
-    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
-    bare = {**result, "plans": {k: v for k, v in result["plans"].items() if k != "vc_method"}}
-    assert len(text.encode()) - len(write(copy, bare, drawn=False).encode()) < SECTION
-
-
 def test_without_the_method_there_is_no_section_and_no_script(case, tmp_path):
-    folder, result, _ = case
-    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
-    text = write(copy, {**result, "plans": {"refined": result["plans"]["refined"]}}, drawn=False)
+    _, result, drawn = case
+    text = write(tmp_path, {**result, "plans": {"refined": result["plans"]["refined"]}}, drawn=False)
     assert Page(text).all("script") == []
     assert "script-src" not in text
     assert 'id="vc-method"' not in text
+    assert len(drawn.encode()) - len(text.encode()) < SECTION
 
 
-def test_without_its_drawing_the_section_says_so(case, tmp_path):
-    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
-    text = write(copy, case[1], drawn=False)
-    assert "The cells of the vc-method were not at hand." in said(text)
-    assert Page(text).all("script") == []
+def test_without_its_drawing_the_section_says_so(undrawn):
+    assert "The cells of the vc-method were not at hand." in said(undrawn)
+    assert Page(undrawn).all("script") == []
 
 
 def test_the_only_script_that_may_run_is_the_viewer(case):
@@ -185,15 +188,6 @@ def test_nothing_is_said_of_costs_that_are_not_told(plan):
     assert cost_sentence(plan) == ""
 
 
-def test_what_the_motion_cannot_meet_is_listed(case, tmp_path):
-    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
-    result = json.loads(json.dumps(case[1]))
-    result["plans"]["vc_method"]["shortfalls"] = ["steering: radius 0.1 m at (1, 2) m", HOSTILE]
-    text = write(copy, result, drawn=False)
-    assert "What this motion cannot meet, and where: steering: radius 0.1 m at (1, 2) m" in said(text)
-    assert not {tag for tag, _ in Page(text).elements} & {"img", "b"}
-
-
 def test_a_corner_that_is_tighter_than_wanted_is_marked():
     corner = {"x": 1.0, "y": -2.0, "turn": np.pi / 2, "radius": 0.3, "wanted_radius": 0.5, "speed": 0.7}
     story = vc_story({"plans": {"vc_method": {"corners": [corner, {**corner, "radius": 0.5}, {}]}}})
@@ -214,11 +208,8 @@ def test_a_corner_that_is_tighter_than_wanted_is_marked():
     ],
 )  # fmt: skip
 def test_a_plan_of_another_shape_still_gives_a_page(case, tmp_path, broken):
-    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
-    text = write(
-        copy, {**case[1], "plans": {"vc_method": broken, "collocation": {"comparison": 3}}}, drawn=False
-    )
-    page = Page(text)
+    plans = {"vc_method": broken, "collocation": {"comparison": 3}}
+    page = Page(write(tmp_path, {**case[1], "plans": plans}, drawn=False))
     assert not {tag for tag, _ in page.elements} & {"img", "b"}
     assert "nan" not in page.text.lower().split()
 
@@ -235,8 +226,7 @@ def test_a_run_that_got_stuck_has_no_time_and_is_never_executed(case, tmp_path):
     result["executed"] = "dwa"
     assert "dwa" not in travel_times(result)
     assert executed_plan(result) == "refined"
-    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
-    text = write(copy, result, drawn=False)
+    text = write(tmp_path, result, drawn=False)
     words = said(text)
     assert (
         "Dynamic window got stuck and did not reach the goal, after 12.250 s, at (6.00, 5.50) m, "
@@ -261,83 +251,90 @@ def test_a_stuck_run_without_a_place_is_told_without_one(place):
     assert "after 12.250\u00a0s, 9.30\u00a0m from the goal" in run.sentence
 
 
-def test_a_stuck_run_with_hostile_words_gives_them_as_text(case, tmp_path):
-    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
-    plans = {**case[1]["plans"], "dwa": stuck_plan(reason=HOSTILE, message=HOSTILE)}
-    text = write(copy, {**case[1], "plans": plans}, drawn=False)
-    assert "Dynamic window got stuck" in said(text)
-    assert not {tag for tag, _ in Page(text).elements} & {"img", "b"}
-
-
-def test_a_run_that_arrived_stands_in_the_table_and_on_the_map(case, tmp_path):
-    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
-    _, found, _ = vc_case()
-    motion = found.realisation.trajectory
-    motion.to_csv(copy / "trajectories" / "dwa.csv")
+def test_a_run_that_arrived_stands_in_the_table_and_on_the_map(case, undrawn, tmp_path):
+    (tmp_path / "trajectories").mkdir()
+    vc_case()[1].realisation.trajectory.to_csv(tmp_path / "trajectories" / "dwa.csv")
     plans = {
         **case[1]["plans"],
         "dwa": {"reached": True, "travel_time": 31.5, "length": 18.0, "model": "full"},
     }
-    words = said(write(copy, {**case[1], "plans": plans}, drawn=False))
+    text = write(tmp_path, {**case[1], "plans": plans}, drawn=False)
+    words = said(text)
+    keys = [re.findall(r'<p class="keys">(.*?)</p>', page, flags=re.DOTALL)[0] for page in (text, undrawn)]
+    assert ["Dynamic window" in key for key in keys] == [True, False]
     assert "Dynamic window baseline full 31.500 s" in words
     assert "stuck" not in words.split("Glossary")[0]
 
 
-def seeds(*rows: dict[str, Any]) -> dict[str, Any]:
-    return {"plans": {"collocation": {"comparison": list(rows)}}}
+def cells(text: str, caption: str) -> list[list[str]]:
+    """Text of a table's rows, its head first."""
+    table = next(t for t in re.findall(r"<table.*?</table>", text, flags=re.DOTALL) if caption in t)
+    rows = re.findall(r"<tr.*?</tr>", table, flags=re.DOTALL)
+    return [
+        [said(cell).strip() for cell in re.findall(r"<t[hd].*?</t[hd]>", row, flags=re.DOTALL)]
+        for row in rows
+    ]
 
 
-ONE = {"method": "speed_graph", "class": "A", "travel_time": 20.0, "iterations": 50, "rounds": 4}
-
-
-def test_seeds_of_one_class_are_said_to_agree_and_within_what():
-    # 20.001 / 20 - 1 = 5e-5 = 0.005 %
-    story = seed_story(seeds(ONE, {**ONE, "method": "vc_method", "travel_time": 20.001}))
-    words = story.sentences[0].replace("\u00a0", " ")
-    assert words == "Speed graph and vc-method lead to the same class and agree within 0.005 %."
-    assert [row.above for row in story.compared] == ["best", "+0.005\u00a0%"]
-
-
-def test_however_close_seeds_agree_the_figure_is_told():
-    # 20.000002 / 20 - 1 = 1e-7 = 10^-5 %
-    story = seed_story(seeds(ONE, {**ONE, "method": "vc_method", "travel_time": 20.000002}))
-    assert story.sentences[0].replace("\u00a0", " ").endswith("agree within 1.0 × 10⁻⁵ %.")
-
-
-def test_seeds_of_different_classes_are_not_compared():
-    other = {**ONE, "method": "vc_method", "class": "B", "travel_time": 25.0}
-    assert "a homotopy class of its own" in seed_story(seeds(ONE, other)).sentences[0]
-    third = {**ONE, "method": "voronoi_route"}
-    words = seed_story(seeds(ONE, other, third)).sentences
-    assert words[0] == "Speed graph and Voronoi route lead to the same class and agree to the last digit."
-    assert words[1] == "vc-method ended in another class."
-
-
-def test_a_cold_start_that_found_nothing_is_told_with_its_reason():
-    story = seed_story(seeds(ONE, {"method": "cold_start", "message": "no safe motion", "compute_time": 3.0}))
-    assert story.sentences[-1] == "The cold start, the straight line from start to goal, led to nothing safe."
-    row = story.compared[-1]
-    assert (row.travel_time, row.above, row.message) == ("–", "–", "no safe motion")
-
-
-def test_a_cold_start_is_compared_with_the_best_of_the_others():
-    # 21 s against 20 s: 5 % more
-    words = seed_story(seeds(ONE, {"method": "cold_start", "class": "C", "travel_time": 21.0})).sentences
-    assert (
-        words[-1].replace("\u00a0", " ").endswith("led to 21.000 s, 5.00 % more than the best of the others.")
-    )
-
-
-def test_the_seeds_stand_in_the_page_with_hostile_names_as_text(case, tmp_path):
-    copy = Path(shutil.copytree(case[0], tmp_path / "copy"))
+def test_seeds_shortfalls_and_stuck_runs_stand_in_the_page_with_hostile_words_as_text(case, tmp_path):
     result = json.loads(json.dumps(case[1]))
-    hostile = {"method": HOSTILE, "class": HOSTILE, "message": HOSTILE}
-    result["plans"]["collocation"] |= {"comparison": [ONE, hostile, 3], "seeds": [ONE, hostile]}
-    text = write(copy, result, drawn=False)
+    hostile = {"method": HOSTILE, "class": HOSTILE, "ended_in": HOSTILE + "2", "message": HOSTILE}
+    first = {**ONE, "ended_in": "B|C"}
+    result["plans"]["collocation"] |= {"comparison": [ONE, hostile, 3], "seeds": [first, hostile]}
+    result["plans"]["vc_method"]["shortfalls"] = ["steering: radius 0.1 m at (1, 2) m", HOSTILE]
+    result["plans"]["dwa"] = stuck_plan(reason=HOSTILE, message=HOSTILE)
+    text = write(tmp_path, result, drawn=False)
     page = Page(text)
-    assert "seeds" in {a.get("id") for _, a in page.elements}
     assert not {tag for tag, _ in page.elements} & {"img", "b"}
+    assert "seeds" in {a.get("id") for _, a in page.elements}
     assert "First tries of all seeds" in page.text
+    assert "What this motion cannot meet, and where: steering: radius 0.1 m at (1, 2) m" in said(text)
+    assert "Dynamic window got stuck" in page.text
+    tried, compared = cells(text, "One coarse solve"), cells(text, "each refined to the end")
+    assert tried[0][:4] == ["Seed", "Seed's class", "Ended in", "Travel time"]
+    assert tried[1][1:4] == ["A", "B|C", "20.000 s"]
+    assert compared[0][:3] == ["Seed", "Ended in", "Travel time"]
+    assert compared[1][1:3] == ["A", "20.000 s"]
+    assert {len(row) for row in tried} == {10}
+    assert {len(row) for row in compared} == {9}
+
+
+def baselines(**plans: Any) -> str:
+    plans = {"speed_graph": {"travel_time": 20.0}, "refined": {"travel_time": 21.0}} | plans
+    return " ".join(answer({"plans": plans}, rest_ends=False)).replace("\u00a0", " ")
+
+
+def test_the_answer_tells_the_vc_method_and_the_dynamic_window_in_a_sentence_each():
+    # 23 s against 20 s: 15 % above
+    words = baselines(vc_method={"travel_time": 23.0}, dwa={"travel_time": 31.5, "reached": True})
+    assert "The vc-method takes 23.000 s, 15.0 % above the variational optimum." in words
+    assert "The dynamic window takes 31.500 s." in words
+    stuck = baselines(dwa={**stuck_plan(), "travel_time": 12.25})
+    assert "The dynamic window got stuck and did not reach the goal." in stuck
+    assert "12.25" not in stuck
+
+
+def test_the_answer_says_nothing_of_methods_that_were_not_run():
+    words = baselines()
+    assert "vc-method" not in words
+    assert "dynamic window" not in words
+
+
+def test_the_answer_says_what_the_vc_methods_motion_breaks():
+    words = baselines(vc_method={"travel_time": 23.0, "unpromised": [unpromised("the vc-method")]})
+    assert "23.000 s, 15.0 % above the variational optimum, but breaks the steering limit." in words
+
+
+def unpromised(by: str) -> dict[str, Any]:
+    message = f"turns tighter than the wheels allow (not promised by {by})"
+    return {"name": "steering", "trajectory": "vc_method", "status": "failed", "message": message}
+
+
+@pytest.mark.parametrize("by", ["the variational model", "the vc-method", "the dynamic window approach"])
+def test_messages_do_not_repeat_what_their_status_says(by):
+    (row,) = check_rows({"plans": {"vc_method": {"unpromised": [unpromised(by)]}}})
+    assert row.status == "not promised"
+    assert row.message == "turns tighter than the wheels allow"
 
 
 def test_no_seeds_no_section(case):

@@ -6,7 +6,16 @@ from collections.abc import Mapping, Sequence
 
 from verify.report.numbers import fine_percent, metres, number_in, percent, seconds, seconds_proven, with_unit
 from verify.report.palette import method
-from verify.report.story import NOT_PROMISED, OPTIMA, Result, check_rows, executed_plan, travel_times, verdict
+from verify.report.story import (
+    NOT_PROMISED,
+    OPTIMA,
+    Result,
+    check_rows,
+    executed_plan,
+    is_stuck,
+    travel_times,
+    verdict,
+)
 from verify.report.story_bound import bracket_sentence, full_sentence
 from verify.report.story_classes import certificate
 from verify.report.text import plain
@@ -44,7 +53,8 @@ def answer(result: Result, *, rest_ends: bool, through: Sequence[str] = ()) -> l
             f"The fastest route along Voronoi arcs, with exact arc times, takes {seconds(route)}, "
             f"{_compared(route / optimum - 1.0, 'more than', 'less than')} that optimum."
         )
-    broken = _broken_by_variational(result)
+    sentences += _others(result, plan, times, optimum)
+    broken = _broken(result, optimal)
     if broken:
         sentences.append(f"The variational optimum itself breaks {broken}: the refinement repairs that.")
     sentences += _held_back(result)
@@ -87,9 +97,25 @@ def _analytic(result: Result, times: Mapping[str, float]) -> list[str]:
     ]
 
 
-def _broken_by_variational(result: Result) -> str:
-    optimal = next((name for name in OPTIMA if name in travel_times(result)), "")
-    rows = (row for row in check_rows(result) if row.trajectory == optimal and row.status == NOT_PROMISED)
+def _others(result: Result, plan: str, times: Mapping[str, float], optimum: float | None) -> list[str]:
+    """The vc-method and the dynamic window, where they were run and are not executed themselves."""
+    sentences = []
+    for name, title in (("vc_method", "vc-method"), ("dwa", "dynamic window")):
+        if is_stuck(result, name):
+            sentences.append(f"The {title} got stuck and did not reach the goal.")
+        elif name in times and name != plan:
+            text = f"The {title} takes {seconds(times[name])}"
+            if optimum and name == "vc_method":
+                near = _compared(times[name] / optimum - 1.0, "above", "below")
+                text += f", {near} the variational optimum"
+            broken = _broken(result, name)
+            sentences.append(text + (f", but breaks {broken}." if broken else "."))
+    return sentences
+
+
+def _broken(result: Result, name: str) -> str:
+    """The limits that plan `name` breaks as its model does not know them, in words."""
+    rows = (row for row in check_rows(result) if row.trajectory == name and row.status == NOT_PROMISED)
     names = [LIMITS.get(row.name, row.name.replace("_", " ")) for row in rows]
     return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 

@@ -348,10 +348,6 @@ def not_evaluated(result: Result, evidence: Evidence) -> list[tuple[str, str]]:
         for item in entries(result, "missing")
     ]
     rows += [
-        (f"Method {method(words(item.get('method'))).label}", words(item.get("reason")))
-        for item in entries(result, "not_available")
-    ]
-    rows += [
         (f"Gate {row.title.lower()}", row.reason) for row in gate_rows(result) if row.status == NOT_EVALUATED
     ]
     rows += [

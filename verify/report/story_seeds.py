@@ -11,6 +11,7 @@ from verify.report.palette import Method, method
 from verify.report.story import Result, entries, mapping, words
 
 COLD_START = "cold_start"
+SAME = "the same"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,7 +19,8 @@ class SeedRow:
     """One seed as the page shows it."""
 
     look: Method
-    name: str  # homotopy class
+    seed_class: str  # homotopy class of the seed
+    ended_in: str  # homotopy class of what came of it, "the same" where that is the seed's
     travel_time: str
     above: str  # the best row
     iterations: str
@@ -43,18 +45,21 @@ def seed_story(result: Result) -> SeedStory:
     compared, tried = entries(plan, "comparison"), entries(plan, "seeds")
     return SeedStory(
         sentences=tuple(filter(None, [*_agreement(compared), _cold(compared or tried)])),
-        compared=_rows(compared),
-        tried=_rows(tried) if len(tried) > 1 else (),
+        compared=_rows(compared, ended="class"),
+        tried=_rows(tried, begun="class", ended="ended_in") if len(tried) > 1 else (),
     )
 
 
-def _rows(found: Sequence[Mapping[str, Any]]) -> tuple[SeedRow, ...]:
+def _rows(found: Sequence[Mapping[str, Any]], *, ended: str, begun: str = "") -> tuple[SeedRow, ...]:
+    """`begun`, `ended`: the keys of the seed's class, if told, and of the class of what came of it."""
+    classes = [(words(row.get(begun)), words(row.get(ended))) for row in found]
     times = [number_in(row, "travel_time") for row in found]
     best = min((time for time in times if time is not None), default=None)
     return tuple(
         SeedRow(
             look=method(words(row.get("method"))),
-            name=words(row.get("class")) or DASH,
+            seed_class=first or DASH,
+            ended_in=SAME if first and first == last else last or DASH,
             travel_time=seconds(time),
             above=DASH
             if time is None or not best
@@ -67,24 +72,28 @@ def _rows(found: Sequence[Mapping[str, Any]]) -> tuple[SeedRow, ...]:
             compute_time=duration(number_in(row, "compute_time")),
             message=words(row.get("message")),
         )
-        for row, time in zip(found, times, strict=True)
+        for row, time, (first, last) in zip(found, times, classes, strict=True)
     )
 
 
 def _agreement(compared: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Whether seeds that ended in one class reached one time, and within what."""
+    """Whether seeds that ended in one class reached one time, and within what.
+
+    Of a row without a class nothing is known, so that it agrees with none.
+    """
     groups: dict[str, list[tuple[str, float]]] = {}
     for row in compared:
-        time = number_in(row, "travel_time")
-        if time is not None and time > 0.0:
-            groups.setdefault(words(row.get("class")), []).append((words(row.get("method")), time))
-    if not groups:
-        return []
+        time, name = number_in(row, "travel_time"), words(row.get("class"))
+        if name and time is not None and time > 0.0:
+            groups.setdefault(name, []).append((words(row.get("method")), time))
     shared = {name: rows for name, rows in groups.items() if len(rows) > 1}
-    if not shared:
+    if not shared and len(groups) > 1:
+        names = _listed([method(rows[0][0]).label for rows in groups.values()])
         return [
-            "Each seed ended in a homotopy class of its own, so their times say nothing about each other."
+            f"{names} each ended in a homotopy class of its own, so their times say nothing about each other."
         ]
+    if not shared:
+        return []
     out = []
     for rows in shared.values():
         low, high = min(time for _, time in rows), max(time for _, time in rows)

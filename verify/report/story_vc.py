@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -102,8 +103,7 @@ def _number(value: float, noun: str) -> str:
 
 def cost_sentence(plan: Mapping[str, Any]) -> str:
     """Whether both costs of edges choose the same route, and what the other one would cost."""
-    cost, route = words(plan.get("cost")), mapping(plan, "route")
-    other = mapping(plan, "other_route") or mapping(plan, "other")
+    cost, route, other = words(plan.get("cost")), mapping(plan, "route"), mapping(plan, "other_route")
     if cost not in COSTS or not other:
         return ""
     another = COSTS[1 - COSTS.index(cost)]
@@ -111,13 +111,7 @@ def cost_sentence(plan: Mapping[str, Any]) -> str:
         return (
             f"Both costs of edges choose this route: the {cost} one, which was asked for, and the {another}."
         )
-    one, two = (
-        number_in(
-            r,
-            "arc_time",
-        )
-        for r in (route, other)
-    )
+    one, two = (number_in(r, "arc_time") for r in (route, other))
     if other.get("same") is not False or one is None or two is None or one <= 0.0:
         return ""
     apart = abs(two - one)
@@ -185,7 +179,7 @@ def _corners(plan: Mapping[str, Any]) -> tuple[CornerRow, ...]:
             CornerRow(
                 number=str(number),
                 place=place,
-                turn="–" if turn is None else f"{turn * 57.29577951308232:.1f}°".replace("-", "−"),
+                turn="–" if turn is None else f"{math.degrees(turn):.1f}°".replace("-", "−"),
                 radius="–"
                 if radius is None
                 else f"{significant(radius)}\u00a0m" + (", smaller" if less else ""),
