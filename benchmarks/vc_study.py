@@ -5,7 +5,8 @@
 * Sec. 2.5: how often does the published cost choose another route than the realised one, and how much slower?
 * Sec. 2.6: how many motions keep every limit of the robot, and what is it that the others cannot meet?
 
-`python -m benchmarks.vc_study [FILE.json]` writes docs/data/vc_study.json if no other file is named.
+`python -m benchmarks.vc_study [FILE.json]` writes docs/data/vc_study.json if no other file is named: shares,
+and one row a world, so that any of them can be computed again.
 """
 
 from __future__ import annotations
@@ -28,6 +29,16 @@ from vnav_drake.voronoi import build_diagram
 
 DATA = Path(__file__).parent.parent / "docs" / "data" / "vc_study.json"
 WORLDS = 200
+
+
+def world(seed: int) -> dict[str, Any]:
+    """The row of one random world.
+
+    Raises
+    ------
+    NoPathError : nothing leads from its start to its goal.
+    """
+    return {"seed": seed, **studied(with_wheels_inside(random_problem(seed).problem))}
 
 
 def studied(problem: Problem) -> dict[str, Any]:
@@ -69,18 +80,18 @@ def euler_holds(problem: Problem, result: VcResult) -> bool | None:
 
 
 def measure(worlds: int = WORLDS) -> dict[str, Any]:
-    """Shares and distributions over worlds with seeds from 0."""
+    """Shares and distributions over worlds with seeds from 0, and the rows they come from."""
     rows, refused = [], Counter[str]()
     for seed in range(worlds):
         try:
-            rows.append(studied(with_wheels_inside(random_problem(seed).problem)))
+            rows.append(world(seed))
         except NoPathError as error:
             refused[type(error).__name__] += 1
-    return {"worlds": worlds, "refused": dict(refused), **summary(rows)}
+    return {"worlds": worlds, "refused": dict(refused), **summary(rows), "rows": rows}
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """What `measure` tells, from one row a world with a path."""
+    """What `measure` tells of its rows, one a world with a path."""
     cells = Counter(n for row in rows for n in row["cells"])
     around = Counter(n for row in rows for n in row["saddles_around"])
     euler = Counter(str(row["euler_holds"]) for row in rows)
@@ -144,12 +155,19 @@ def text(study: dict[str, Any]) -> str:
     )
 
 
+def written(study: dict[str, Any]) -> str:
+    """The file's content: a line a row."""
+    shares = json.dumps({k: v for k, v in study.items() if k != "rows"}, indent=1, allow_nan=False)
+    rows = ",\n".join(f"  {json.dumps(row, allow_nan=False)}" for row in study["rows"])
+    return f'{shares[:-2]},\n "rows": [\n{rows}\n ]\n}}\n'
+
+
 def main(file: Path = DATA) -> None:
     """Measure, print, write."""
     study = measure()
     print(text(study))
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps(study, indent=1) + "\n", encoding="utf-8")
+    file.write_text(written(study), encoding="utf-8")
 
 
 if __name__ == "__main__":

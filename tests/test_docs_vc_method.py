@@ -10,7 +10,7 @@ import yaml
 from benchmarks import vc_method as speed
 from benchmarks.figures_vc_method import SPEED, with_tables
 from benchmarks.reproduction import page, ratios
-from benchmarks.vc_study import DATA, summary
+from benchmarks.vc_study import DATA, summary, world
 from vnav_drake import load_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -81,6 +81,27 @@ def test_no_motion_kept_is_faster_than_the_optimum():
     row = kept["scenarios"]["warehouse"]
     row["vc_method"] = 0.999 * row["optimum"]
     assert ratios.below_one(kept) == ["warehouse"]
+
+
+def test_the_study_is_the_sum_of_its_rows():
+    kept = json.loads(DATA.read_text(encoding="utf-8"))
+    seeds = [row["seed"] for row in kept["rows"]]
+    assert seeds == sorted(set(seeds))
+    assert set(seeds) <= set(range(kept["worlds"]))
+    assert len(seeds) + sum(kept["refused"].values()) == kept["worlds"]
+    assert {**kept, **summary(kept["rows"])} == kept
+
+
+@pytest.mark.parametrize("seed", [14, 49, 101])
+def test_worlds_of_the_study_are_measured_again(seed):
+    # Quick ones, of which 101 takes another route by the published cost.
+    kept = json.loads(DATA.read_text(encoding="utf-8"))
+    (was,) = (row for row in kept["rows"] if row["seed"] == seed)
+    now = world(seed)
+    assert now.keys() == was.keys()
+    assert was["same_route"] == (seed != 101)
+    for key, value in was.items():
+        assert now[key] == (pytest.approx(value, rel=1e-6) if isinstance(value, float) else value), key
 
 
 def _row(cells, same, route, published, shortfalls):
