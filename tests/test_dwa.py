@@ -15,6 +15,7 @@ from vnav_drake.braking import UniformBraking
 from vnav_drake.dwa import plan_dwa
 from vnav_drake.dwa.goal import arc_to_goal, goal_curvature
 from vnav_drake.dwa.objective import Objective, best, half_turn, top_speed
+from vnav_drake.dwa.run import MOST_DECISIONS, MOST_WINDOWS, most_decisions_of
 from vnav_drake.dwa.window import (
     Arcs,
     choices,
@@ -233,6 +234,34 @@ def test_a_budget_that_is_too_small_is_said():
     assert run.stuck.reason == "too_many_decisions"
     assert run.decisions == 3
     assert run.stuck.time == pytest.approx(3.0)  # three windows
+    assert "budget of 3 decisions is spent" in run.stuck.message
+
+
+def test_the_budget_is_one_of_motion_whatever_the_step(monkeypatch):
+    # Four steps of 0.25 s make a window: three windows are twelve decisions, and 3 s as without a step.
+    monkeypatch.setattr("vnav_drake.dwa.run.MOST_WINDOWS", 3)
+    case = hall(start={"position": [5.0, 5.0], "heading": 0.0, "speed": 1.0})
+    for step, decisions in ((None, 3), (0.25, 12)):
+        run = drive(case, step=step)
+        assert (run.stuck.reason, run.decisions) == ("too_many_decisions", decisions)
+        assert run.stuck.time == pytest.approx(3.0)
+
+
+def test_the_budget_is_bounded_for_small_steps():
+    # 20 000 decisions are 400 s of motion at the least step of a scenario file, 0.02 s.
+    assert most_decisions_of(1.0, 1.0) == MOST_WINDOWS
+    assert most_decisions_of(1.0, 0.5) == 2 * MOST_WINDOWS
+    assert most_decisions_of(1.0, 0.02) == MOST_DECISIONS == 20_000
+    assert most_decisions_of(1.0, 1e-6) == MOST_DECISIONS
+
+
+def test_a_slow_drive_with_a_small_step_does_not_stand():
+    # After ten steps of 0.02 s at 0.01 m/s^2 it has moved 2e-4 m, slower than 1e-3 of the top speed (over
+    # 3 m/s, half-width 5 m); after ten windows of 1 s it has moved 0.5 m.
+    case = hall(
+        robot={"max_acceleration": 0.01}, start={"position": [5.0, 5.0], "heading": 0.0, "speed": "rest"}
+    )
+    assert drive(case, step=0.02, most_decisions=15).stuck.reason == "too_many_decisions"
 
 
 def test_a_start_that_cannot_stop_is_refused():
@@ -352,6 +381,22 @@ def test_the_terms_of_the_objective_lie_between_zero_and_one_and_are_those_of_th
     assert values[1] == pytest.approx([19.7 / 20, 19.7 / 20], abs=1e-4)  # up to the contact tolerance
     assert values[2] == pytest.approx([0.25, 0.25])
     assert values[3] == pytest.approx(2 * values[0] + 3 * values[1] + 4 * values[2])
+
+
+def test_head_is_taken_where_the_robot_comes_to_rest():
+    # A left circle of radius 2 m at 1 m/s: 1 m within the window, and 1^2 / (2 * 1) m until it stands, since
+    # friction (5.9 m/s^2) leaves full braking beside the turn (0.5 m/s^2). 1.5 m turn it by 0.75 rad about
+    # (20, 7). Seen from there the goals lie ahead, a right angle to the left, and behind.
+    problem = problem_in(World.build(HALL))
+    options = choices(
+        problem, Arcs(np.array([20.0, 5.0]), np.zeros(1), np.array([0.5])), 1.0, np.ones(1), 1.0
+    )
+    assert options.admissible.all()
+    rest = np.array([20.0 + 2.0 * math.sin(0.75), 7.0 - 2.0 * math.cos(0.75)])
+    for bearing, head in ((0.0, 1.0), (math.pi / 2, 0.5), (math.pi, 0.0)):
+        towards = np.array([math.cos(0.75 + bearing), math.sin(0.75 + bearing)])
+        objective = Objective(weights=(1.0, 0.0, 0.0), goal=rest + towards, top_speed=4.0, look=20.0)
+        assert objective.values(problem, options)[0] == pytest.approx([head], abs=1e-9)
 
 
 def test_half_a_turn_of_a_circle_counts_as_its_free_way():

@@ -11,7 +11,9 @@ from result_folder import CHANGES, copy_to
 from verify.judge import judge
 from verify.judge.checks import check_motion, reaches
 from verify.judge.compare import compare
+from verify.judge.gates import Gate
 from verify.judge.motion import COLUMNS, Motion
+from verify.judge.verdict import _nothing_to_refine, _sound
 
 V = math.sqrt(3.0) * 0.9  # [m/s]: below sqrt(2 a_b d) with d = 1.5 m
 
@@ -104,6 +106,58 @@ def test_the_dynamic_window_promises_the_wheels_too():
     assert checks["goal"].status == "failed"
     assert not checks["goal"].promised
     assert checks["start"].promised
+
+
+# What docs/architecture.md says of `plans`: braking, drive and friction by both, the wheels by one alone, and
+# the goal by the other alone.
+DYNAMICS = {"boundary", "clearance", "braking_distance", "speed", "friction_circle", "tip_over", "drive"}
+PROMISED = {
+    "vc_method": DYNAMICS | {"start", "goal", "travel_time"},
+    "dwa": DYNAMICS | {"start", "steering", "travel_time"},
+}
+
+
+@pytest.mark.parametrize("plan", PROMISED)
+def test_each_baseline_promises_this_and_no_more(plan):
+    motion = arcs_motion((5.0, 2.0), 0.0, [(30.0, 0.0)], [V, V], setting())
+    promised = {check.name for check in check_motion(motion, plan, "full", setting()) if check.promised}
+    assert promised == PROMISED[plan]
+
+
+@pytest.mark.parametrize("plan", PROMISED)
+def test_a_baseline_that_collides_is_held_back(plan):
+    # Straight through a pillar on the centre line, which no speed above zero allows.
+    pillar = {"world": {"obstacles": [{"vertices": [[20.0, 2.0]]}]}}
+    motion = arcs_motion((5.0, 2.0), 0.0, [(30.0, 0.0)], [V, V], setting(**pillar))
+    checks = by_name(motion, plan, **pillar)
+    assert {name for name, check in checks.items() if check.blocks} == {"clearance", "braking_distance"}
+    assert _sound({plan: motion}, tuple(checks.values()), setting(**pillar)) == {}
+
+
+@pytest.mark.parametrize("plan", PROMISED)
+def test_a_baseline_that_leaves_the_hall_is_held_back(plan):
+    # Half a turn to the left of radius 3 m from the centre line reaches y = 8; the hall ends at 4.
+    motion = arcs_motion((5.0, 2.0), 0.0, [(3.0 * math.pi, 1.0 / 3.0)], [0.5, 0.5], setting())
+    checks = by_name(motion, plan)
+    assert checks["boundary"].blocks
+    assert checks["clearance"].blocks
+
+
+def test_a_run_that_ends_on_its_way_is_not_sound_though_it_keeps_its_promises():
+    whole = arcs_motion((5.0, 2.0), 0.0, [(30.0, 0.0)], [V, V], setting())
+    short = arcs_motion((5.0, 2.0), 0.0, [(1.0, 0.0)], [1.0, 0.0], setting())
+    motions = {"speed_graph": whole, "dwa": short, "refined": whole}
+    model = {"speed_graph": "variational", "dwa": "full", "refined": "full"}
+    checks = [c for n, m in motions.items() for c in check_motion(m, n, model[n], setting())]
+    assert not any(check.blocks for check in checks)
+    sound = _sound(motions, checks, setting())
+    assert set(sound) == {"speed_graph", "refined"}
+    # faster than the optimum (2 s against 30 / V), it must not hold back `certified`
+    times = {name: motion.travel_time for name, motion in motions.items()}
+    gate = Gate(name="certified_gap", value=0.0, limit=0.03)
+    assert times["dwa"] < times["speed_graph"]
+    assert _nothing_to_refine(times, sound, times["speed_graph"], [gate])
+    assert not _nothing_to_refine(times, motions, times["speed_graph"], [gate])
 
 
 def test_a_motion_reaches_its_ends_whatever_its_speed():

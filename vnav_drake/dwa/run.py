@@ -28,7 +28,8 @@ CURVATURES = 41  # in the window, besides the one now, zero, and that of the arc
 SPEEDS = 21  # in the window
 HEADINGS = 36  # at a start without heading, besides that towards the goal
 START_SPEEDS = (1.0, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2, 0.0)  # of the safe speed, at a start at safe speed
-MOST_DECISIONS = 2000
+MOST_WINDOWS = 2000  # of motion, whatever the step
+MOST_DECISIONS = 20_000  # whatever the step: some minutes of computing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +123,7 @@ def plan_dwa(
     weights: tuple[float, float, float] = (1.0, 1.0, 1.0),
     window: float = 1.0,
     step: float | None = None,
-    most_decisions: int = MOST_DECISIONS,
+    most_decisions: int | None = None,
     objective: type[Objective] = Objective,
 ) -> DwaRun:
     """Drive to the goal by the dynamic window approach (Fox, Burgard and Thrun 1997).
@@ -133,6 +134,8 @@ def plan_dwa(
     window : [s], for which an arc and a speed are chosen.
     step : [s], after which the robot chooses again, at most the window; None: the window, so that the
         robot moves along one circular arc in each window (Manor 2015, Sec. 2.7.2).
+    most_decisions : the budget. None: `MOST_WINDOWS` windows of motion, and `MOST_DECISIONS` at most. A run
+        that spends it ends for the reason "too_many_decisions", which says nothing of the method.
     objective : what is preferred, `Objective` or a class derived from it.
 
     Returns
@@ -142,7 +145,7 @@ def plan_dwa(
 
     Raises
     ------
-    ValueError : a weight, the window or the step is out of its range.
+    ValueError : a weight, the window, the step or the budget is out of its range.
     PlanningError : start and goal are the same point, or the robot cannot stop safely from its start.
 
     Notes
@@ -166,13 +169,12 @@ def plan_dwa(
         look=top * window + float(problem.braking.distance(top)),
     )
     motion, last = _begin(problem, prefers, window)
-    watch, found, decisions = Watch(problem, top), None, 0
+    budget = most_decisions_of(window, replan) if most_decisions is None else most_decisions
+    watch, found, decisions = Watch(problem, top, window / replan), None, 0
     while last is None and found is None:
         found = watch.stuck(motion.time, motion.spot, motion.heading, motion.speed, motion.length)
-        if found is None and decisions == most_decisions:
-            found = _stuck(
-                "too_many_decisions", motion, f"the goal is not reached after {decisions} decisions"
-            )
+        if found is None and decisions == budget:
+            found = _spent(problem, motion, budget)
         if found is None:
             found = _decide(problem, prefers, motion, window, replan)
             decisions += 1
@@ -192,6 +194,17 @@ def plan_dwa(
         compute_time=clock.perf_counter() - begin,
         settings={"weights": tuple(weights), "window": window, "step": replan},
     )
+
+
+def most_decisions_of(window: float, step: float) -> int:
+    """The budget of decisions: the same time of motion for every step, as far as computing allows."""
+    return min(MOST_DECISIONS, math.ceil(MOST_WINDOWS * window / step))
+
+
+def _spent(problem: Problem, motion: _Motion, budget: int) -> Stuck:
+    left = math.dist(motion.spot, problem.goal.position)
+    spent = f"the budget of {budget} decisions is spent after {motion.time:.3f} s of motion"
+    return _stuck("too_many_decisions", motion, f"{spent}, {left:.3f} m from the goal; nothing else stops it")
 
 
 def _stuck(reason: Reason, motion: _Motion, message: str) -> Stuck:
@@ -215,14 +228,14 @@ def _decide(
     return None
 
 
-def _require(weights: tuple[float, ...], window: float, step: float, most_decisions: int) -> None:
+def _require(weights: tuple[float, ...], window: float, step: float, most_decisions: int | None) -> None:
     if len(weights) != 3 or not all(0.0 <= w < math.inf for w in weights) or not any(weights):
         raise ValueError(f"weights = {weights!r}: must be three finite numbers, zero or more, not all zero")
     if not 0.0 < window < math.inf:
         raise ValueError(f"window = {window!r}: must be positive and finite [s]")
     if not 0.0 < step <= window:
         raise ValueError(f"step = {step!r}: must be positive and at most the window, {window!r} s")
-    if most_decisions < 1:
+    if most_decisions is not None and most_decisions < 1:
         raise ValueError(f"most_decisions = {most_decisions!r}: must be at least 1")
 
 

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vnav_drake.problem import Problem
 
 Reason = Literal["no_admissible_arc", "standing", "oscillation", "no_progress", "too_many_decisions"]
 
-STANDING_DECISIONS = 10  # decisions in a row...
+STANDING_WINDOWS = 10  # windows in a row...
 STANDING_SHARE = 1e-3  # ...that together are slower than this part of the top speed
 RETURN_DISTANCE = 0.05  # of the smallest turning radius: a place counts as the same
 RETURN_ANGLE = 0.05  # [rad]: a heading counts as the same
@@ -40,7 +41,9 @@ class Watch:
 
     problem: Problem
     top_speed: float  # [m/s]
-    _seen: list[tuple[float, ...]] = field(default_factory=list)  # t, x, y, heading, v, length so far
+    per_window: float = 1.0  # decisions, at least one
+    _rows: NDArray[np.float64] = field(default_factory=lambda: np.empty((64, 6)))  # grows by doubling
+    _count: int = 0
     _nearest: float = math.inf  # [m] to the goal
     _nearest_length: float = 0.0  # [m], travelled then
 
@@ -50,13 +53,22 @@ class Watch:
         """Judge the state (length: travelled so far [m]) and remember it."""
         found = self._standing(time, length) or self._circling(place, heading, speed, length)
         found = found or self._nowhere(place, length)
-        self._seen.append((time, *place, heading, speed, length))
+        if self._count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self._rows[self._count] = (time, *place, heading, speed, length)
+        self._count += 1
         return None if found is None else Stuck(reason=found[0], time=time, place=place, message=found[1])
 
+    @property
+    def _seen(self) -> NDArray[np.float64]:
+        """(n, 6): time, x, y, heading, speed, length so far, one row a decision."""
+        return self._rows[: self._count]
+
     def _standing(self, time: float, length: float) -> tuple[Reason, str] | None:
-        if len(self._seen) < STANDING_DECISIONS:
+        row = self._count - math.ceil(STANDING_WINDOWS * self.per_window)
+        if row < 0:
             return None
-        since = self._seen[-STANDING_DECISIONS]
+        since = self._seen[row]
         if length - since[-1] >= STANDING_SHARE * self.top_speed * (time - since[0]):
             return None
         return "standing", f"moved {length - since[-1]:.3g} m in {time - since[0]:.3g} s"
@@ -64,10 +76,7 @@ class Watch:
     def _circling(
         self, place: tuple[float, float], heading: float, speed: float, length: float
     ) -> tuple[Reason, str] | None:
-        if not self._seen:
-            return None
-        radius = 1.0 / self.problem.robot.max_curvature
-        seen = np.array(self._seen)
+        radius, seen = 1.0 / self.problem.robot.max_curvature, self._seen
         same = np.hypot(seen[:, 1] - place[0], seen[:, 2] - place[1]) <= RETURN_DISTANCE * radius
         turned = np.abs(np.remainder(seen[:, 3] - heading + math.pi, 2.0 * math.pi) - math.pi)
         same &= (turned <= RETURN_ANGLE) & (np.abs(seen[:, 4] - speed) <= RETURN_SPEED * self.top_speed)
