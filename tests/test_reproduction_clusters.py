@@ -165,6 +165,19 @@ def test_a_run_that_got_stuck_is_said_to_be():
     assert "not slower in (iii)" in text
     assert "stuck (no progress)" in text
     assert "stuck (no progress)" in clusters.summary(changed)[2].ours
+    # A run that did not arrive has no time to compare with: 24 / 46 = 0.52 is printed, ours is none.
+    (row,) = [line for line in text.splitlines() if line.startswith("| (iii)")]
+    assert row.endswith("| 0.52 / none |")
+
+
+def test_maps_on_which_nothing_arrives_are_counted():
+    changed = copy.deepcopy(KEPT)
+    for row in changed["others"].values():
+        row["settings"] = [{"reached": False, "stuck": "no_way", "time": 9.0, "length": 1.0}] * len(
+            row["settings"]
+        )
+    count = 2 * (len(clusters.SETTINGS) + 1)
+    assert f"On the two others none of {count} runs reach the target." in clusters.section(changed)
 
 
 def test_speeds_are_drawn_over_length():

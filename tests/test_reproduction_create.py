@@ -18,9 +18,13 @@ def data():
 
 
 @pytest.fixture(scope="module")
-def motions():
+def known():
+    return create.ways(create.problem())
+
+
+@pytest.fixture(scope="module")
+def motions(known):
     asked = create.problem()
-    known = create.ways(asked)
     return asked, [realise(asked, create.through(known, gate)[1]) for gate in create.GATES]
 
 
@@ -104,9 +108,9 @@ def test_moving_a_side_moves_that_side_only():
     assert moved.boundary.equals(asked.world.boundary)
 
 
-def test_a_gate_that_nothing_passes_is_an_error():
+def test_a_gate_that_nothing_passes_is_an_error(known):
     with pytest.raises(PlanningError, match="no route along the Voronoi arcs passes O9/O1"):
-        create.through(create.ways(create.problem()), "O9/O1")
+        create.through(known, "O9/O1")
 
 
 def test_drawn_points_lie_on_the_path(data, motions):

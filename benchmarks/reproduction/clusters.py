@@ -149,6 +149,11 @@ def ratio(row: Data) -> float:
     return float(row["vc_method"]["time"] / row["dwa"]["time"])
 
 
+def _ratio(row: Data) -> str:
+    """The ratio, where there is one: a run that got stuck has no time to the target."""
+    return f"{ratio(row):.2f}" if row["dwa"].get("reached", True) else "none"
+
+
 def summary(data: Data) -> list[Row]:
     """Times of the three examples."""
     return [
@@ -185,7 +190,7 @@ def _comparison(data: Data) -> str:
                     f"{printed[key]['length']:.2f} m",
                     f"{ours['length']:.2f} m",
                     f"{100.0 * ours['least_clearance']:.1f} cm",
-                    f"{ratio(printed):.2f} / {ratio(row):.2f}" if key == "vc_method" else "",
+                    f"{ratio(printed):.2f} / {_ratio(row)}" if key == "vc_method" else "",
                 )
             )
     head = ("example", "method", "time printed", "ours", "length printed", "ours", "least clearance, ours")
@@ -290,10 +295,13 @@ def _counted(data: Data) -> str:
         there = [(time, found) for time, found in runs if found["reached"]]
         faster = sum(found["time"] <= time for time, found in there)
         shares = [time / found["time"] for time, found in there]
-        parts.append(
-            f"On {where} {len(there)} of {len(runs)} runs reach the target, {faster or 'none'} of them as"
-            f" fast as the vc-method; its time is {min(shares):.2f} to {max(shares):.2f} of theirs."
-        )
+        text = f"On {where} {len(there) or 'none'} of {len(runs)} runs reach the target"
+        if shares:
+            text += (
+                f", {faster or 'none'} of them as fast as the vc-method; its time is {min(shares):.2f} to"
+                f" {max(shares):.2f} of theirs"
+            )
+        parts.append(f"{text}.")
     return " ".join(parts)
 
 

@@ -96,7 +96,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def read() -> Data:
-    """What is kept: `topics` (name to data) and `seconds` (name to what it took to measure)."""
+    """What is kept: `topics` (name to data) and `seconds` (name to the processor time that it took)."""
     if not DATA.exists():
         return {"topics": {}, "seconds": {}}
     return dict(json.loads(DATA.read_text(encoding="utf-8")))
@@ -131,7 +131,7 @@ def render(kept: Data) -> str:
         'G. Manor, "Autonomous Mobile Robot Navigation with Velocity Constraints", PhD thesis, Technion,'
         " 2015.\n\n"
         "The page is written by `python -m benchmarks.reproduction` (`make reproduction`): about"
-        f" {took} on one core; do not edit it. What it shows is kept in"
+        f" {took} of processor time; do not edit it. What it shows is kept in"
         " [data/reproduction.json](data/reproduction.json), and a test recomputes the quick part.\n\n"
         "A **reconstruction** is a map laid out by us in the manner of the text, where the thesis gives"
         " coordinates only in a figure that cannot be read. Its times need not be those printed; where they"

@@ -157,8 +157,7 @@ def section(data: Data) -> str:
             *(f"* {note}" for note in notes),
             *([""] if notes else []),
             '"class" is whether the vc-method chose the fastest homotopy class, else what the optimum of'
-            " its class loses. Shortfalls are limits that the motion says it cannot meet, mostly turns too"
-            " tight for the wheels.",
+            " its class loses. Shortfalls are limits that the motion says it cannot meet.",
             "",
             f"Random worlds, seeds 0 to {data['drawn'] - 1}, wheels inside the robot's disc (refused by name:"
             f" {refused}):",

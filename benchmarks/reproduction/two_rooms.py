@@ -8,7 +8,6 @@ that both passages are equally fast near delta = 3, as the text says.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -18,7 +17,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchmarks.figures import BLUE, INK, ORANGE, SKY, draw_room
-from benchmarks.reproduction.page import Data, Row, table
+from benchmarks.reproduction import two_rooms_text
+from benchmarks.reproduction.page import Data
 from vnav_drake.braking import UniformBraking
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import End, Problem
@@ -41,6 +41,7 @@ DOOR = (0.9, 1.5)  # [m]
 START = (0.5, 0.8)  # [m]
 TARGET = (2.7, 0.84)  # [m]
 PRINTED_CROSSING = 3.0
+PRINTED_AXIS = 0.3  # [m/s], where the axis of Fig. 2.14 ends
 PROFILES_AT = 3.4  # of delta, as in Fig. 2.14
 NARROWEST, WIDEST = 1.0, 4.5  # of delta
 STEP = 0.1
@@ -195,7 +196,7 @@ def measure() -> Data:
     lower, upper = realised(PROFILES_AT)
     higher, deeper = ((TARGET[0], round(TARGET[1] + shift, 9)) for shift in (SHIFT, -SHIFT))
     return {
-        "printed": {"crossing": PRINTED_CROSSING, "place": "Sec. 2.7.1, Fig. 2.15"},
+        "printed": {"crossing": PRINTED_CROSSING, "axis": PRINTED_AXIS, "place": "Sec. 2.7.1, Fig. 2.15"},
         "layout": {
             "size": SIZE,
             "radius": RADIUS,
@@ -216,108 +217,7 @@ def measure() -> Data:
     }
 
 
-def _row(data: Data, delta: float) -> Data:
-    return next(row for row in data["curve"] if abs(row["delta"] - delta) < 0.5 * STEP)
-
-
-def summary(data: Data) -> list[Row]:
-    """The crossing."""
-    return [
-        Row(
-            what="two-room office: the upper passage is faster from delta on",
-            place=data["printed"]["place"],
-            printed=f"{data['printed']['crossing']:g}",
-            ours=f"{data['crossing']:.4f}",
-            note="reconstruction, laid out so that it comes near 3",
-        )
-    ]
-
-
-def section(data: Data) -> str:
-    """What the page says."""
-    layout, curve = data["layout"], data["curve"]
-    lower_times = [row["lower"]["time"] for row in curve]
-    spread = max(lower_times) - min(lower_times)
-    wide = [r["delta"] for r in curve if r["vc_method"]["passage_by_published_cost"] == "upper"]
-    by_published = min(wide, default=math.inf)
-    kept_shortest = all(row["shortest"]["passage"] == "lower" for row in curve)
-    short = sorted({s for row in curve for s in row["vc_method"]["shortfalls"]})
-    shown = _row(data, PROFILES_AT)
-    last = curve[-1]
-    rows = [
-        (
-            "the upper passage is the faster one from delta on",
-            f"{data['printed']['crossing']:g}",
-            f"{data['crossing']:.4f}",
-            "both motions, corners rounded, take equally long",
-        ),
-        (
-            "the vc-method changes to the upper passage at delta",
-            f"{data['printed']['crossing']:g}",
-            f"{data['switch']:.4f}",
-            "its search adds up times along the arcs, corners and all",
-        ),
-        (
-            "the same with the published edge cost",
-            f"{data['printed']['crossing']:g}",
-            f"{by_published:g}, the first tried above {curve[0]['delta']:g}",
-            "the cost of Sec. 2.5 knows no lengths: it prefers the wider passage as soon as it is wider",
-        ),
-        (
-            "shortest route passes below for all delta",
-            "yes",
-            "yes" if kept_shortest else "no",
-            f"delta from {curve[0]['delta']:g} to {last['delta']:g}",
-        ),
-        (
-            "t(l_min) is the same for all delta",
-            "yes",
-            "yes" if spread < EXACT else f"within {spread:.0e} s",
-            f"{lower_times[0]:.2f} s",
-        ),
-        (
-            f"ratio t(vc-method) / t(l_min) at delta = {PROFILES_AT}",
-            "figure only",
-            f"{shown['vc_method']['time'] / shown['shortest']['time']:.3f}",
-            f"{shown['vc_method']['time']:.2f} s against {shown['shortest']['time']:.2f} s;"
-            ' "modest", as the text says',
-        ),
-    ]
-    higher, deeper = data["crossing_target_higher"], data["crossing_target_lower"]
-    lines = [
-        "## Two-room office: how wide must the upper passage be?",
-        "",
-        "Manor 2015, Sec. 2.7.1: the lower passage is 1.5 robot diameters wide, the upper one delta times"
-        " that; up to delta = 3 the lower passage is faster, beyond it the upper one. **A reconstruction**:"
-        " Fig. 2.13 cannot be read, and neither room, robot nor limits are given in words. Ours is"
-        f" {layout['size']:g} m square (the axes of the figure end at 300), the robot"
-        f" {2 * layout['radius']:g} m wide, with {layout['acceleration']:g} m/s² both ways as in Sec. 2.8,"
-        " from rest to rest; the table's upper edge is what moves.",
-        "",
-        "![Map](images/reproduction_two_rooms_map.svg)",
-        "",
-        table(("", "printed", "ours", "what it means"), rows),
-        f"The target's height ({layout['target'][1]:g} m) was chosen so that the crossing comes near 3, so"
-        f" that number confirms nothing by itself: with the target {abs(deeper['shift']):g} m lower the"
-        f" crossing is {deeper['crossing']:.3f}, as much higher {higher['crossing']:.3f}. What is confirmed"
-        " is the shape: a constant ratio of 1 up to the crossing, a kink there, and a moderate gain beyond"
-        " it.",
-        "",
-        "![Ratio of travel times over delta](images/reproduction_two_rooms_ratio.svg)",
-        "",
-        "In the manner of Fig. 2.15. Each curve is one passage; the lower envelope is the vc-method.",
-        "",
-        "![Speed over arc length](images/reproduction_two_rooms_speed.svg)",
-        "",
-        f"In the manner of Fig. 2.14, delta = {PROFILES_AT}: speed over arc length as a part of the whole."
-        f" The greatest speed is {100 * max(data['profiles']['upper']['speed']):.1f} cm/s; the axis of Fig."
-        " 2.14 ends at 30.",
-        "",
-        "What these motions cannot meet: "
-        + ("; ".join(short) if short else "nothing, every limit is kept")
-        + ".",
-    ]
-    return "\n".join(lines)
+summary, section = two_rooms_text.summary, two_rooms_text.section
 
 
 def figures(data: Data) -> dict[str, Figure]:
