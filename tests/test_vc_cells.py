@@ -28,6 +28,7 @@ from vnav_drake.vc_method import (
     search,
 )
 from vnav_drake.vc_method.adjacency import Cost
+from vnav_drake.vc_method.profile import arc_minimum_time
 from vnav_drake.voronoi import build_diagram
 from vnav_drake.voronoi_route import plan_voronoi_route
 from vnav_drake.world import Obstacle, World
@@ -426,6 +427,33 @@ def test_ends_at_rest_take_longer_and_begin_in_the_lowest_cell():
     decomposition = decomposed(rest)
     assert decomposition.cell_bottom[other.cells[0]] == 0.0
     assert decomposition.cell_bottom[other.cells[-1]] == 0.0
+
+
+@pytest.mark.parametrize("name", ["start", "goal"])
+@pytest.mark.parametrize(("seed", "place"), [(37, (8.04, 7.21)), (16, (30.75, 11.47))])
+def test_the_speed_at_an_end_decides_the_route(name: str, seed: int, place: tuple[float, float]):
+    # Drawn places from where the first saddle is another one for who starts at rest with a slow drive. The
+    # same backwards in time: slow brakes, and the last saddle is another one for who must stop there. Each of
+    # the two routes must be the faster one for its own end speeds.
+    drawn = random_problem(seed).problem
+    slow = {"max_acceleration": 0.4} if name == "start" else {"max_braking": 0.4}
+    robot = Robot(radius=drawn.robot.radius, **slow)
+    graph = build_adjacency(decomposed(drawn), drawn.braking, robot)
+    other = "goal" if name == "start" else "start"
+    routes, times = {}, {}
+    for speed in ("safe", "rest"):
+        ends = {name: End(position=place, speed=speed), other: End(position=drawn.goal.position)}
+        routes[speed] = search(graph, replace(drawn, robot=robot, **ends))
+    for speed, by in itertools.product(routes, routes):
+        given = {
+            "start_speed" if name == "start" else "end_speed": np.array([0.0 if speed == "rest" else np.inf])
+        }
+        chain = routes[by].curves
+        number = np.zeros(len(chain), dtype=np.int64)
+        (times[speed, by],) = arc_minimum_time(chain, number, drawn.braking, robot, **given)
+    assert set(routes["safe"].saddles).isdisjoint(routes["rest"].saddles)
+    assert times["safe", "safe"] < times["safe", "rest"]
+    assert times["rest", "rest"] < times["rest", "safe"]
 
 
 def test_no_route_says_why():

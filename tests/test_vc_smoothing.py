@@ -12,8 +12,9 @@ from benchmarks.random_worlds import random_problem
 from vnav_drake.braking import UniformBraking
 from vnav_drake.problem import End, PlanningError, Problem
 from vnav_drake.robot import GRAVITY, Robot
-from vnav_drake.vc_method.realise import Realisation, realise
-from vnav_drake.vc_method.smoothing import smallest_radius
+from vnav_drake.vc_method.realise import Realisation, _free_speeds, realise
+from vnav_drake.vc_method.road import Road
+from vnav_drake.vc_method.smoothing import corners_of, round_corners, smallest_radius
 from vnav_drake.voronoi import Curves, build_diagram
 from vnav_drake.voronoi.curves import empty, linear
 from vnav_drake.voronoi.network import build_network
@@ -90,6 +91,17 @@ def test_corners_that_share_a_short_side_are_slowed_down_not_skipped():
     assert result.radius == pytest.approx([0.5, 0.5], rel=3e-3)
     assert np.all(result.wanted > result.radius)
     assert result.speed == pytest.approx(np.sqrt(LATERAL * result.radius), rel=1e-5)
+
+
+def test_an_arc_that_is_too_small_is_held_to_the_speed_of_its_turn_up_to_its_far_end():
+    # The two arcs share 1 m, so R is 0.5 m; where turning counts, v^2 = LATERAL R all along, both ends too.
+    points = [(0.0, 0.0), (10.0, 0.0), (10.0, 1.0), (20.0, 1.0)]
+    problem, road = asked(points), Road.of(polyline(points))
+    rounding = round_corners(problem, road, corners_of(problem, road), np.full(2, 2.0), None)
+    radius = rounding.arcs.radius
+    assert radius == pytest.approx([0.5, 0.5], rel=3e-3)
+    speed = _free_speeds(problem, rounding, np.ones(2, dtype=bool))
+    assert speed == pytest.approx(np.sqrt(LATERAL * radius), rel=1e-9)
 
 
 def test_a_corner_too_tight_for_the_wheels_is_told_with_its_place():

@@ -32,6 +32,7 @@ ROUGH = 8  # every so manyth sample is looked at first
 TRIED = 100  # of the quickest free ones: looked at for obstacles between them and the path
 SPACING = 0.02  # [m] between samples of the time along the path
 SNAP = 1e-6  # [m]: a place this near to a joint of the path is the joint
+NOTHING = 1e-12  # [m]: a part shorter than this is left out, the gap it leaves is rounding
 FULL_TURN = 1e-9  # [rad]: a turn that lacks no more than this of a full one is none
 SIDES = tuple(product((1.0, -1.0), repeat=2))
 
@@ -74,6 +75,9 @@ class Detours:
 def turn_straight_turn(leave: Poses, meet: Poses, radius: float) -> Detours:
     """All four ways of turning by less than half a turn at either end, where they exist.
 
+    A part is longer than `SNAP` or shorter than `NOTHING`. A way with one in between is left out: the path
+    would not close without that part, and with it would have a piece too short to drive along.
+
     Notes
     -----
     Derived: circles of radius R on the sides a, b (1 left, -1 right) have centres c + a R n and c' + b R n'.
@@ -89,13 +93,15 @@ def turn_straight_turn(leave: Poses, meet: Poses, radius: float) -> Detours:
         straight = np.sqrt(np.maximum(square, 0.0))
         psi = np.arctan2(way[:, 1], way[:, 0]) + np.arctan2((a - b) * radius, straight)
         first, last = _turn(a * (psi - leave.heading)), _turn(b * (meet.heading - psi))
-        rows = np.flatnonzero((square >= 0.0) & (first <= np.pi) & (last <= np.pi))
+        length = np.column_stack([radius * first, straight, radius * last])
+        sliver = np.any((length > NOTHING) & (length < SNAP), axis=1)
+        rows = np.flatnonzero((square >= 0.0) & (first <= np.pi) & (last <= np.pi) & ~sliver)
         parts.append(
             Detours(
                 leave.take(rows),
                 meet.take(rows),
                 np.tile([a / radius, 0.0, b / radius], (len(rows), 1)),
-                np.column_stack([radius * first, straight, radius * last])[rows],
+                length[rows],
             )
         )
     leave, meet = (_joined([getattr(d, end) for d in parts]) for end in ("leave", "meet"))
@@ -244,7 +250,7 @@ def _spliced(path: Path, owner: Indices, new: Mask, name: int, way: Detours) -> 
     ends = np.concatenate([[0.0], np.cumsum(path.piece_length)])
     before = np.flatnonzero(ends[:-1] < leave - SNAP / 2)
     behind = np.flatnonzero(ends[1:] > meet + SNAP / 2)
-    own = np.flatnonzero(way.length[0] > SNAP / 2)
+    own = np.flatnonzero(way.length[0] > NOTHING)
     length_before = np.minimum(ends[before + 1], leave) - ends[before]
     first = np.maximum(ends[behind], meet)
     x, y, heading_behind, _ = path.at(first)
