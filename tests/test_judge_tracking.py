@@ -219,6 +219,21 @@ def test_arrival_at_rest_is_the_time_of_coming_within_ten_micrometres():
     assert result.check.status == "passed"
 
 
+def test_who_stops_two_millimetres_too_far_was_not_early():
+    # From 0.2 m/s at 0.1 m/s^2: 2 s, 0.2 m to rest. 2 mm further on it passes the goal sqrt(2 * 0.002 / 0.1)
+    # = 0.2 s before it rests, which is twice what a run may be early.
+    where = setting(goal={"position": [5.2, 2.0], "speed": "rest"})
+    motion = arcs_motion((5.0, 2.0), 0.0, [(0.2, 0.0)], [0.2, 0.0], where)
+    driven = record(motion)
+    too_far = np.where(driven.x > 5.1, 0.002, 0.02 * (driven.x - 5.0))
+    result = judge_run(
+        replace(driven, x=driven.x + too_far), motion, (5.2, 2.0), where.surroundings, where.limits
+    )
+    assert result.check.status == "passed", result.check.message
+    assert result.figures["travel_time"] == pytest.approx(2.0, abs=0.03)
+    assert result.figures["goal_distance"] < 1e-3  # it did pass the goal
+
+
 def test_lifting_the_inner_wheels_fails():
     # g w / (2 h) is where the inner wheels lift; a hair more fails, a hair less does not.
     driven = record(plan(), 0.01)

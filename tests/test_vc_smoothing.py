@@ -191,11 +191,30 @@ def test_headings_and_speeds_that_cannot_be_met_are_told():
         assert sum(text.startswith(what) for text in result.shortfalls) == 1
 
 
-def test_steering_rate_that_cannot_be_met_is_told():
+@pytest.mark.parametrize("rate", [1e-3, 0.05, 0.5])
+def test_where_the_wheels_turn_slowly_the_robot_waits_for_them(rate):
     points = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0)]
     problem = asked(points)
+    slow = dataclasses.replace(problem, robot=dataclasses.replace(problem.robot, max_steering_rate=rate))
+    quick, found = realise(problem, polyline(points)), realise(slow, polyline(points))
+    assert found.shortfalls == ()
+    # One bend: the wheels turn in and back, each for as long as the bend lasts at most.
+    motion = found.trajectory
+    bend = np.flatnonzero(motion.curvature[:-1] != 0.0)
+    angle = problem.robot.steering_angle(float(motion.curvature[bend[0]]))
+    lasts = motion.t[bend[-1] + 1] - motion.t[bend[0]]
+    assert angle / lasts <= rate
+    assert motion.travel_time >= quick.trajectory.travel_time
+    # No slower than it must be: along the bend it is held to a constant speed, or it was slow enough before.
+    if motion.travel_time > quick.trajectory.travel_time * (1.0 + 1e-9):
+        assert angle / lasts == pytest.approx(rate, rel=0.2)
+
+
+def test_fixed_speeds_at_the_ends_that_the_wheels_do_not_allow_are_told():
+    points = [(0.0, 0.0), (1.0, 0.0), (1.0, 10.0)]
+    problem = asked(points, start=End(position=points[0], speed=0.8))
     slow = dataclasses.replace(problem, robot=dataclasses.replace(problem.robot, max_steering_rate=1e-3))
-    assert any(text.startswith("steering rate") for text in realise(slow, polyline(points)).shortfalls)
+    assert any(text.startswith("start at") for text in realise(slow, polyline(points)).shortfalls)
 
 
 def test_a_route_without_length_is_refused():

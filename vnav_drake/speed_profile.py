@@ -33,7 +33,12 @@ REPAIR_ROUNDS = 20  # of the reaction-time term; two are usual
 
 
 def fastest_profile(
-    problem: Problem, path: Path, *, model: Model, ends: Literal["safe", "problem"] | None = None
+    problem: Problem,
+    path: Path,
+    *,
+    model: Model,
+    ends: Literal["safe", "problem"] | None = None,
+    at_most: Array | None = None,
 ) -> Trajectory:
     """The fastest motion along `path`.
 
@@ -44,6 +49,7 @@ def fastest_profile(
     ends : "safe" ignores the end speeds that the problem asks for (the default of the variational
         model, as Manor 2015, ch. 3 assumes), "problem" obeys them. In the variational model they
         are met by ramps at the drive limits from start and goal alone.
+    at_most : (n,) [m/s], positive: a speed that each piece of the path is held to besides.
 
     Raises
     ------
@@ -63,9 +69,11 @@ def fastest_profile(
     distance = problem.world.distance(points)
     clearance = distance - problem.robot.radius
     sag = row_sag(distance, rows.piece_length, rows.curvature)
+    held = np.inf if at_most is None else _held(rows, path, at_most)
     needed = _at_nodes(sag)
     for _ in range(REPAIR_ROUNDS):
-        square = _speed_squares(problem, rows, clearance - needed, model, ends)
+        limit = np.square(np.minimum(problem.braking.speed(clearance - needed), held))
+        square = _speed_squares(problem, rows, limit, model, ends)
         excess = _reaction_excess(problem, square, clearance, sag)
         if np.all(excess <= ROUNDING):
             break
@@ -127,9 +135,17 @@ def _at_nodes(row_value: Array) -> Array:
     return np.maximum(padded[1:], padded[:-1])
 
 
-def _speed_squares(problem: Problem, rows: Path, room: Array, model: Model, ends: str) -> Array:
-    """Greatest v^2 [m^2/s^2] at each node, (n + 1,)."""
-    limit = np.square(problem.braking.speed(room))
+def _held(rows: Path, path: Path, at_most: Array) -> Array:
+    """The lesser of what the two rows at each node are held to, (n + 1,) [m/s]."""
+    middle = np.cumsum(rows.piece_length) - 0.5 * rows.piece_length
+    piece = np.searchsorted(np.cumsum(path.piece_length)[:-1], middle)
+    row = np.concatenate([[np.inf], at_most[piece], [np.inf]])
+    return np.minimum(row[1:], row[:-1])
+
+
+def _speed_squares(problem: Problem, rows: Path, limit: Array, model: Model, ends: str) -> Array:
+    """Greatest v^2 [m^2/s^2] at each node, (n + 1,), where `limit` is that of braking."""
+    limit = limit.copy()
     if ends == "problem":
         for end, node in ((problem.start, 0), (problem.goal, -1)):
             if end.fixed_speed is not None:

@@ -26,7 +26,8 @@ ON_SCHEDULE = 0.02  # [m], behind that place is not late: near rest a clock make
 LATENESS_LIMIT = 0.1  # [s], behind schedule, at every instant and on arrival ...
 TIME_LIMIT = 0.01  # ... or this part of the planned travel time, if that is more
 GOAL_LIMIT = 0.10  # [m], closest approach to the goal
-ARRIVAL_BAND = 1e-5  # [m] from the closest approach counts as arrived: braking at 1 m/s^2 ends 5 ms later
+ARRIVAL_BAND = 1e-5  # [m] from the end counts as arrived: braking at 1 m/s^2 ends 5 ms later
+REST = 1e-9  # [m/s]: a plan that ends no faster ends at rest
 SAMPLING_LIMIT = 0.1  # [s] between samples; coarser records say too little about the run
 JUMP_SLACK = 5e-3  # [m], by which a sample may lie further than its speeds explain (side slip, integration)
 JUMP_FACTOR = 1.5  # times the greater speed of both samples: side slip adds to the forward speed
@@ -61,8 +62,8 @@ def judge_run(
     At every sample up to the end of the planned motion the vehicle must be near the planned path, and
     near in time to when the plan passes that place; how far it is from the place planned for the same
     instant (`max_tracking_error`) is told, but not judged. The simulated travel time is the first time
-    within `ARRIVAL_BAND` of the closest approach to the goal, so it means the same for a robot that
-    drives through its goal and for one that stops there.
+    within `ARRIVAL_BAND` of the closest approach to the goal; where the plan ends at rest, of the place where
+    the vehicle came to rest: one that brakes at 0.1 m/s^2 to stop 2 mm too far passes its goal 0.2 s before.
     """
     points = np.column_stack([record.x, record.y])
     during = record.t <= motion.t[-1]
@@ -74,7 +75,10 @@ def judge_run(
     behind = np.where(beside.lag > ON_SCHEDULE, beside.behind, 0.0)
     allowed = max(LATENESS_LIMIT, TIME_LIMIT * motion.travel_time)
     to_goal = np.hypot(record.x - goal[0], record.y - goal[1])
-    arrival = int(np.argmax(to_goal <= to_goal.min() + ARRIVAL_BAND))
+    to_end = to_goal
+    if motion.v[-1] <= REST:
+        to_end = np.hypot(*(points - points[-1]).T)
+    arrival = int(np.argmax(to_end <= to_end.min() + ARRIVAL_BAND))
     time = float(record.t[arrival])
     least = least_margin(_polyline(record), surroundings.distance, Need(constant=limits.radius))
     sideways, slowest, fastest = (int(np.argmax(a)) for a in (beside.across, behind, -beside.lag))

@@ -180,18 +180,39 @@ def _profile(problem: Problem, path: Path) -> tuple[Trajectory, list[str]]:
         name: dataclasses.replace(end, speed="safe")
         for name, end in (("start", problem.start), ("goal", problem.goal))
     }
+    held = _wheels_in_time(problem, path)
     kept: list[str] = []
     freed: dict[str, object] = {}
     while True:
         try:
             asked = dataclasses.replace(problem, **freed)  # type: ignore[arg-type]
-            return fastest_profile(asked, path, model="full"), kept
+            return fastest_profile(asked, path, model="full", at_most=held), kept
         except PlanningError as error:
             name = next((n for n in safe if str(error).startswith(f"{n} at ") and n not in freed), None)
             if name is None:
                 raise
             kept.append(str(error))
             freed[name] = safe[name]
+
+
+def _wheels_in_time(problem: Problem, path: Path) -> Array | None:
+    """Greatest speeds (n,) [m/s] on the pieces that leave the wheels their time; None where they need none.
+
+    Derived: curvature is constant in pieces, and a jump stands for a steady turn of the wheels that may last
+    as long as the shorter of the pieces that meet there. A stretch of length L and equal curvature takes
+    L/v at least, so at v <= L rate/omega the jumps at both ends of at most omega have their time.
+    """
+    rate = problem.robot.max_steering_rate
+    if not np.isfinite(rate) or len(path.curvature) < 2:
+        return None
+    first = np.concatenate([[0], np.flatnonzero(np.diff(path.curvature) != 0.0) + 1])
+    length = np.add.reduceat(path.piece_length, first)
+    bend = np.clip(path.curvature[first], -problem.robot.max_curvature, problem.robot.max_curvature)
+    jump = np.abs(np.diff([problem.robot.steering_angle(float(k)) for k in bend]))
+    turn = np.maximum(np.append(jump, 0.0), np.append(0.0, jump))
+    with np.errstate(divide="ignore"):
+        speed = length * rate / turn
+    return np.repeat(speed, np.diff(np.append(first, len(path.curvature))))
 
 
 def _middles(path: Path, owner: Indices, shown: Indices) -> Array:
