@@ -26,6 +26,19 @@ def judged(**changes: Any) -> Judgement:
     return Judgement(**{**base, **changes})
 
 
+def test_the_headline_tells_what_a_full_robot_s_motion_breaks_and_who_got_stuck():
+    plans = {
+        "refined": {"travel_time": 3.0, "model": "full", "violations": {}},
+        "vc_method": {"travel_time": 2.0, "model": "full", "violations": {"steering": 1.0, "goal": 0.1}},
+        "voronoi_route": {"travel_time": 2.5, "model": "variational", "violations": {"steering": 1.0}},
+        "dwa": {"reached": False, "stopped_after": 1.0, "model": "full", "violations": {"goal": 4.0}},
+    }
+    line = headline(judged(plans=plans))
+    assert "vc_method 2.000 s (breaks goal, steering)" in line
+    assert "voronoi_route 2.500 s  dwa stuck" in line  # the variational model promises no steering
+
+
+
 @pytest.mark.parametrize(
     ("executed", "order"),
     [

@@ -29,7 +29,7 @@ from verify.vc_drawing import vc_drawing
 from verify.versions import versions
 from vnav_drake.collocation import Seed, plan_full, plan_variational
 from vnav_drake.dwa import plan_dwa
-from vnav_drake.homotopy import Gates, build_gates, class_of
+from vnav_drake.homotopy import Gates, build_gates, class_of, word_of
 from vnav_drake.plan import Plan
 from vnav_drake.scenario import Scenario
 from vnav_drake.voronoi import VoronoiDiagram, build_diagram
@@ -113,7 +113,7 @@ def _fill(
     if judgement is None:
         _execute_refined(stages)
         judgement = _judged(stages, folder.work, overrides)
-    result = _result(judgement, done, overrides)
+    result = _result(judgement, done, overrides, scenario.plan.through)
     say(f"{scenario.name}: writing the report")
     write_report(
         folder.work / evidence.REPORT,
@@ -298,13 +298,17 @@ def _write_evidence(folder: FilePath, scenario: Scenario, done: Progress) -> Non
         done.bound.certificate.save(folder / evidence.CERTIFICATE)
 
 
-def _result(judgement: Judgement, done: Progress, overrides: Mapping[str, float]) -> dict[str, Any]:
+def _result(
+    judgement: Judgement, done: Progress, overrides: Mapping[str, float], through: Sequence[str]
+) -> dict[str, Any]:
     """result.json without the manifest: what the judge found, and what is known of how it was made."""
     result: dict[str, Any] = {"schema": evidence.SCHEMA, **judgement.as_result()}
     for name, plan in done.plans.items():
         facts = {key: value for key, value in plain(plan.details).items() if key not in _JUDGED}
         if done.gates is not None and plan.details.get("reached", True):
             facts["class"] = class_of(done.gates, plan.trajectory)
+            if through:
+                facts["passes_through"] = done.gates.matches(word_of(done.gates, plan.trajectory), through)
         result["plans"][name] |= facts | {"compute_time": done.seconds[name]}
     if done.comparison and "collocation" in result["plans"]:
         result["plans"]["collocation"]["comparison"] = plain(done.comparison)

@@ -29,8 +29,11 @@ def headline(judgement: Judgement) -> str:
 
 
 def _time(plan: Mapping[str, Any]) -> str:
-    """The travel time, where the motion reaches the goal."""
-    return f"{plan['travel_time']:.3f} s" if "travel_time" in plan else "stuck"
+    """The travel time, where the motion reaches the goal; of a full robot's, what it breaks."""
+    if "travel_time" not in plan:
+        return "stuck"
+    broken = sorted(plan.get("violations", ())) if plan.get("model") == "full" else []
+    return f"{plan['travel_time']:.3f} s" + (f" (breaks {', '.join(broken)})" if broken else "")
 
 
 def _percent(judgement: Judgement, name: str) -> str:

@@ -344,7 +344,7 @@ def _duration(name: str, motion: Motion, failed: Sequence[Check]) -> dict[str, A
     """The travel time; of a run that may get stuck whether it did not, else after which time it ended."""
     if name not in MAY_GET_STUCK:
         return {"travel_time": motion.travel_time}
-    if any(check.name == "goal" for check in failed):
+    if any(check.name in ("goal", "travel_time") for check in failed):
         return {"reached": False, "stopped_after": motion.travel_time}
     return {"reached": True, "travel_time": motion.travel_time}
 
