@@ -136,3 +136,17 @@ def test_steering_that_turns_too_fast_is_a_reason():
     weave = Path.from_arcs((3.0, 4.0), -half, [1 / 8.0, 1 / 8.2], [8.0 * half, 8.0 * half])
     assert "the steering would turn at" in full_profile(slow, weave).reason
     assert full_profile(problem, weave).travel_time is not None
+
+
+def test_the_vc_method_knows_no_gates_so_its_way_is_named_and_seeds_nothing(tmp_path):
+    # Asked for is the way above the pillar; the vc-method takes the wider one below it.
+    free = run_scenario(room(methods=["speed_graph", "vc_method"]), tmp_path).result["plans"]
+    assert "passes_through" not in free["vc_method"]
+    other = next(
+        r["class"] for r in free["speed_graph"]["classes"] if r["class"] != free["vc_method"]["class"]
+    )
+    asked = room(methods=["speed_graph", "vc_method", "dwa"], through=other.split(", ")[:1])
+    plans = run_scenario(asked, tmp_path).result["plans"]
+    assert plans["vc_method"]["passes_through"] is False
+    assert plans["speed_graph"]["passes_through"] is True
+    assert {row["method"] for row in plans["collocation"]["seeds"]} == {"speed_graph"}
