@@ -29,8 +29,9 @@ from verify.report.figures_potential import MOST_BANDS, Way, draw_potential, dra
 from verify.report.figures_time import BracketData, BracketRow, draw_bracket
 from verify.report.numbers import bracket, percent_beside, seconds_proven
 from verify.report.palette import BANDS, SLACKS, variable_of_colour
-from verify.report.story import gate_rows, time_rows
+from verify.report.story import gate_rows
 from verify.report.story_bound import bound_story, bracket_sentence, closing, full_sentence, upper
+from verify.report.story_times import time_rows
 from vnav_drake.plan import Trajectory
 
 FILE = "certificate.npz"

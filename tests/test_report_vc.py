@@ -19,7 +19,7 @@ from test_report import HOSTILE, Page
 from test_report_seeds import ONE
 
 from verify.report import ReportExtras, write_index, write_report
-from verify.report.answer import answer
+from verify.report.answer import answer, others
 from verify.report.space_data import UNIT, space_data
 from verify.report.story import check_rows, executed_plan, travel_times
 from verify.report.story_stuck import stuck_runs
@@ -150,7 +150,7 @@ def test_counts_and_times_are_those_of_the_result(case):
     stacks, cells = len(found.decomposition.maximum), len(found.decomposition.cell_top)
     assert f"falls into {stacks} stacks with {cells} cells" in words
     share = 100.0 * float(np.mean(np.diff(found.decomposition.first_cell) == 4))
-    assert f"Stacks of four cells {share:.0f} % the source calls this generic" in words
+    assert f"Stacks of four cells {share:.0f} % the source expects nearly all" in words
     assert f"the fastest profile takes {plan['arc_time']:.3f} s" in words
     assert f"{len(plan['corners'])} corners rounded the motion takes {plan['travel_time']:.3f} s" in words
 
@@ -190,7 +190,9 @@ def test_nothing_is_said_of_costs_that_are_not_told(plan):
 
 def test_a_corner_that_is_tighter_than_wanted_is_marked():
     corner = {"x": 1.0, "y": -2.0, "turn": np.pi / 2, "radius": 0.3, "wanted_radius": 0.5, "speed": 0.7}
-    story = vc_story({"plans": {"vc_method": {"corners": [corner, {**corner, "radius": 0.5}, {}]}}})
+    story = vc_story(
+        {"plans": {"vc_method": {"corners": [corner, {**corner, "radius": 0.5}, {}]}}}, rest_ends=False
+    )
     assert [row.radius for row in story.corners] == ["0.300\u00a0m, smaller", "0.500\u00a0m", "–"]
     assert story.corners[0].turn == "90.0°"
     assert story.corners[0].place == "(1.00, −2.00)\u00a0m"
@@ -301,7 +303,9 @@ def test_seeds_shortfalls_and_stuck_runs_stand_in_the_page_with_hostile_words_as
 
 def baselines(**plans: Any) -> str:
     plans = {"speed_graph": {"travel_time": 20.0}, "refined": {"travel_time": 21.0}} | plans
-    return " ".join(answer({"plans": plans}, rest_ends=False)).replace("\u00a0", " ")
+    result = {"plans": plans}
+    told = [*answer(result, rest_ends=False), *others(result, rest_ends=False)]
+    return " ".join(told).replace("\u00a0", " ")
 
 
 def test_the_answer_tells_the_vc_method_and_the_dynamic_window_in_a_sentence_each():

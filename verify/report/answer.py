@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from verify.report.numbers import fine_percent, metres, number_in, percent, seconds, seconds_proven, with_unit
+from verify.report.numbers import fine_percent, metres, number_in, seconds, seconds_proven, with_unit
 from verify.report.palette import method
 from verify.report.story import (
-    NOT_PROMISED,
     OPTIMA,
     Result,
-    check_rows,
     executed_plan,
     is_stuck,
     travel_times,
@@ -18,8 +16,15 @@ from verify.report.story import (
 )
 from verify.report.story_bound import bracket_sentence, full_sentence
 from verify.report.story_classes import certificate
+from verify.report.story_times import (
+    ANOTHER_WAY,
+    against_best,
+    against_optimum,
+    broken,
+    compared,
+    goes_astray,
+)
 from verify.report.text import plain
-from verify.report.wording import LIMITS
 
 
 def answer(result: Result, *, rest_ends: bool, through: Sequence[str] = ()) -> list[str]:
@@ -37,36 +42,38 @@ def answer(result: Result, *, rest_ends: bool, through: Sequence[str] = ()) -> l
             else ", which knows the braking limit alone"
         )
         ratio = times[plan] / optimum - 1.0
-        near = _compared(ratio, "above", "below")
+        near = compared(ratio, "above", "below")
         sentences.append(f"That is {near} the variational optimum of {seconds(optimum)}{ends}.")
     sentences += _analytic(result, times)
     cost, gap = number_in(result, "end_cost"), number_in(result, "gaps", "refinement")
     if cost is not None and cost > 0.0 and gap is not None:
         sentences.append(
             f"Starting and ending as asked costs at least {seconds_proven(cost)}; "
-            f"the motion is {_compared(gap, 'above', 'below')} the optimum with that cost added."
+            f"the motion is {compared(gap, 'above', 'below')} the optimum with that cost added."
         )
     sentences += filter(None, [bracket_sentence(result), full_sentence(result)])
-    route = times.get("voronoi_route")
-    if route is not None and optimum is not None:
-        sentences.append(
-            f"The fastest route along Voronoi arcs, with exact arc times, takes {seconds(route)}, "
-            f"{_compared(route / optimum - 1.0, 'more than', 'less than')} that optimum."
-        )
-    sentences += _others(result, plan, times, optimum)
-    broken = _broken(result, optimal)
-    if broken:
-        sentences.append(f"The variational optimum itself breaks {broken}: the refinement repairs that.")
+    limits = broken(result, optimal)
+    if limits:
+        repaired = ": the refinement repairs that" if "refined" in times else ""
+        sentences.append(f"The variational optimum itself breaks {limits}{repaired}.")
     sentences += _held_back(result)
     sentences += _simulated(result)
     return sentences
 
 
-def _compared(ratio: float, more: str, less: str) -> str:
-    """`more` and `less` end with the word before what is compared with."""
-    if abs(ratio) < 5e-6:
-        return f"within {percent(1e-5)} of"
-    return f"{percent(abs(ratio))} {more if ratio >= 0.0 else less}"
+def others(result: Result, *, rest_ends: bool) -> list[str]:
+    """What Voronoi route, vc-method and dynamic window came to, where they are not executed themselves."""
+    return [*_route(result), *_baselines(result, rest_ends=rest_ends)]
+
+
+def _route(result: Result) -> list[str]:
+    times = travel_times(result)
+    route, optimum = times.get("voronoi_route"), next((times[name] for name in OPTIMA if name in times), None)
+    if route is None or optimum is None:
+        return []
+    near = f"{compared(route / optimum - 1.0, 'more than', 'less than')} the variational optimum"
+    near = ANOTHER_WAY if goes_astray(result, "voronoi_route") else near
+    return [f"The fastest route along Voronoi arcs, with exact arc times, takes {seconds(route)}, {near}."]
 
 
 def _gets_there(result: Result, plan: str, times: Mapping[str, float]) -> str:
@@ -97,27 +104,25 @@ def _analytic(result: Result, times: Mapping[str, float]) -> list[str]:
     ]
 
 
-def _others(result: Result, plan: str, times: Mapping[str, float], optimum: float | None) -> list[str]:
+def _baselines(result: Result, *, rest_ends: bool) -> list[str]:
     """The vc-method and the dynamic window, where they were run and are not executed themselves."""
-    sentences = []
+    sentences, times, plan = [], travel_times(result), executed_plan(result)
     for name, title in (("vc_method", "vc-method"), ("dwa", "dynamic window")):
         if is_stuck(result, name):
             sentences.append(f"The {title} got stuck and did not reach the goal.")
         elif name in times and name != plan:
-            text = f"The {title} takes {seconds(times[name])}"
-            if optimum and name == "vc_method":
-                near = _compared(times[name] / optimum - 1.0, "above", "below")
-                text += f", {near} the variational optimum"
-            broken = _broken(result, name)
-            sentences.append(text + (f", but breaks {broken}." if broken else "."))
+            parts = [f"The {title} takes {seconds(times[name])}"]
+            if name == "vc_method":
+                best = against_best(result, name, rest_ends=rest_ends)
+                optimum = against_optimum(result, name)
+                free = "which may start and end at the safe speed" if best and optimum else ""
+                parts += [best, optimum, free]
+            if goes_astray(result, name):
+                parts.append(ANOTHER_WAY)
+            limits = broken(result, name)
+            parts.append(f"but breaks {limits}" if limits else "")
+            sentences.append(", ".join(filter(None, parts)) + ".")
     return sentences
-
-
-def _broken(result: Result, name: str) -> str:
-    """The limits that plan `name` breaks as its model does not know them, in words."""
-    rows = (row for row in check_rows(result) if row.trajectory == name and row.status == NOT_PROMISED)
-    names = [LIMITS.get(row.name, row.name.replace("_", " ")) for row in rows]
-    return " and ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 def _held_back(result: Result) -> list[str]:

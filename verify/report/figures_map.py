@@ -47,6 +47,7 @@ class MapData:
     others: Sequence[tuple[str, Trajectory]]  # (method, motion) drawn as lines
     executed: Trajectory | None  # drawn with its speed as colour
     stuck: Sequence[tuple[str, tuple[float, float]]] = ()  # (method, place [m]) of runs that gave up
+    subject: str = "executed motion"  # what `executed` is called: where nothing is executed, a stand-in
     strayed: SimulatedRun | None = None  # where the simulated vehicle drove, when it did not follow
 
 
@@ -61,7 +62,7 @@ def draw_map(data: MapData) -> Picture:
         f"{len(data.problem.world.obstacles)} obstacles, the robot's disc at start and goal, "
         + (f"the paths of {lines}, " if lines else "")
         + (
-            "and the executed path coloured by speed."
+            f"and the path of the {data.subject} coloured by speed."
             if data.executed is not None
             else "and no executed path."
         )
@@ -105,7 +106,7 @@ def _draw(data: MapData, described: dict[str, str], *, narrow: bool) -> Markup:
             aspect=28,
             pad=0.02,
         )
-        bar.set_label("speed of the executed motion [m/s]")
+        bar.set_label(f"speed of the {data.subject} [m/s]")
         bar.outline.set_visible(False)
         if bar.solids is not None:
             bar.solids.set_edgecolor("face")

@@ -35,6 +35,7 @@ class SpeedData:
     plan: str  # method of `motion`
     variational: tuple[str, Trajectory] | None  # method and motion, when it is not the executed one
     over: Literal["path", "time"]
+    subject: str = "executed motion"  # what `motion` is called: where nothing is executed, a stand-in
 
 
 def draw_speed_curve(data: SpeedData) -> Picture:
@@ -43,7 +44,7 @@ def draw_speed_curve(data: SpeedData) -> Picture:
     described = {
         "key": f"speed-{data.over}",
         "title": f"Speed over {over}",
-        "description": f"Speed of the executed motion over {over}, "
+        "description": f"Speed of the {data.subject} over {over}, "
         f"from {data.motion.v[0]:.2f} m/s at the start to {data.motion.v[-1]:.2f} m/s at the goal, "
         f"greatest {data.motion.v.max():.2f} m/s, below the dashed braking limit V(d) along the same path.",
     }
@@ -93,7 +94,7 @@ def _speed(data: SpeedData, described: dict[str, str], width: float, height: flo
             other.dash,
             1.3,
         )
-    draw(fine, v, "executed", look.light, look.text, "solid", 2.2)
+    draw(fine, v, data.subject.removesuffix(" motion"), look.light, look.text, "solid", 2.2)
     axes.set_xlim(0.0, max(float(c.x[-1]) for c in curves))
     axes.set_ylim(0.0, top)
     axes.locator_params(axis="y", nbins=5)
@@ -133,7 +134,7 @@ def draw_friction(data: FrictionData) -> Sequence[Picture]:
     )
     share = used / robot.friction_acceleration
     near = 1.3 * max(used, robot.max_braking, robot.max_acceleration) / robot.friction_acceleration
-    spoken = f"The executed motions use at most {100.0 * share:.0f} % of the friction."
+    spoken = f"The motions use at most {100.0 * share:.0f} % of the friction."
     pictures = []
     with drawing_style():
         views = [("friction", "The whole friction circle", max(1.15, 1.06 * share))]

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from verify.report.curves import halo
 from verify.report.numbers import percent, seconds, seconds_proven
-from verify.report.palette import BAD_FILL, INK, LIMIT, MUTED, method
+from verify.report.palette import BAD_FILL, INK, LIMIT, MUTED, PAPER, method
 from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_axes, to_svg
 
 
@@ -21,6 +21,8 @@ class BracketRow:
 
     method: str
     travel_time: float  # [s]
+    breaks: str = ""  # what a motion of the full model breaks, in a few words
+    astray: bool = False  # goes by another way than asked for: not compared
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +38,9 @@ class BracketData:
 
 def draw_bracket(data: BracketData) -> Picture:
     """Dot plot of travel times; distances from the reference in percent beside it."""
-    spoken = "; ".join(f"{method(r.method).label} {_figure(r)}" for r in data.rows)
+    spoken = "; ".join(
+        ", ".join(filter(None, [f"{method(r.method).label} {_figure(r)}", *_notes(r)])) for r in data.rows
+    )
     described = {
         "key": "bracket",
         "title": "Travel times on one axis",
@@ -54,21 +58,43 @@ def _figure(row: BracketRow) -> str:
     return (seconds_proven if row.method == "lower_bound" else seconds)(row.travel_time)
 
 
+def _notes(row: BracketRow) -> tuple[str, str]:
+    return row.breaks, "by another way than asked for" if row.astray else ""
+
+
 def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Markup:
     rows = data.rows
     pitch = 46 if narrow else 34
     figure, axes = new_axes(NARROW if narrow else WIDE, 56 + pitch * len(rows), x="travel time [s]", y="")
+    middle = 0.5 * (min(r.travel_time for r in rows) + max(r.travel_time for r in rows))
     reference = next((r.travel_time for r in rows if r.method == data.reference), None)
     for i, row in enumerate(rows):
         look = method(row.method)
         bold = "bold" if row.method == data.executed else "normal"
-        if reference is not None:
+        if reference is not None and not row.astray:
             axes.plot([reference, row.travel_time], [i, i], color=look.light, lw=2.5, solid_capstyle="butt")
+        fill, edge, line = (PAPER, look, 1.8) if row.breaks else (look, INK, 0.8)
         axes.plot(
-            row.travel_time, i, look.marker, color=look.light, ms=9, mec=INK.light, mew=0.8, clip_on=False
+            row.travel_time, i, look.marker, color=fill.light, ms=9, mec=edge.light, mew=line, clip_on=False
         )
+        if row.breaks:
+            left = row.travel_time < middle
+            _write(
+                axes,
+                row.breaks,
+                (row.travel_time, i),
+                (-5 if left else 5, -7),
+                look.text,
+                "normal",
+                ha="left" if left else "right",
+                va="top",
+                fontsize=9,
+                xycoords="data",
+            )
         share = ""
-        if reference is not None:
+        if row.astray:
+            share = "another way"
+        elif reference is not None:
             same = row.method == data.reference
             share = "reference" if same else percent(row.travel_time / reference - 1.0, signed=True)
         if narrow:
@@ -121,19 +147,20 @@ def _draw_proven(axes: Axes, data: BracketData, *, narrow: bool) -> None:
 def _write(
     axes: Axes,
     text: str,
-    at: tuple[float, int],
+    at: tuple[float, float],
     offset: tuple[float, float],
     colour: str,
     weight: str,
+    xycoords: str | tuple[str, str] = ("axes fraction", "data"),
     **place: Any,
 ) -> None:
-    """Text beside a row: `at` in shares of the width and rows, `offset` in pixels."""
+    """Text beside a row: `at` in shares of the width and rows unless said otherwise, `offset` in pixels."""
     halo(
         axes.annotate(
             text,
             at,
             offset,
-            xycoords=("axes fraction", "data"),
+            xycoords=xycoords,
             textcoords="offset points",
             color=colour,
             weight=weight,

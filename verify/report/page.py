@@ -12,7 +12,7 @@ import numpy as np
 from markupsafe import Markup
 
 from verify.report import story
-from verify.report.answer import answer
+from verify.report.answer import answer, others
 from verify.report.bound import BoundMesh, read_bound
 from verify.report.drawings import SpeedGraphDrawing, VcDrawing
 from verify.report.evidence import Evidence, read_evidence
@@ -38,6 +38,7 @@ from verify.report.story_bound import BoundStory, bound_story, closing, full_bou
 from verify.report.story_classes import analytic_row, class_rows, graph_words
 from verify.report.story_seeds import seed_story
 from verify.report.story_stuck import stuck_runs
+from verify.report.story_times import breaks, goes_astray, time_rows, window_sentence
 from verify.report.story_vc import vc_story
 from verify.report.svg import Picture
 from verify.report.wording import GLOSSARY, VERDICTS
@@ -106,6 +107,7 @@ def write_report(
         verdict_reasons=story.reasons(result),
         standing=story.standing(result),
         answer=answer(result, rest_ends=rest, through=scenario.plan.through),
+        others=others(result, rest_ends=rest),
         gate_summary=story.gate_summary(result),
         gates=story.gate_rows(result),
         checks=story.check_rows(result),
@@ -113,7 +115,7 @@ def write_report(
         failing_checks=[row for row in story.check_rows(result) if row.status == story.FAILED],
         marks=story.MARKS,
         key_figures=story.key_figures(result, evidence),
-        times=[*story.time_rows(result), *(run.row for run in stuck)],
+        times=[*time_rows(result), *(run.row for run in stuck)],
         reference=method(story.reference_plan(result)).label if story.reference_plan(result) else "",
         bracket=_bracket(result),
         full_bound=number_in(result, "plans", "refined", "travel_time") is not None,
@@ -126,10 +128,14 @@ def write_report(
         **_class_sections(problem, extras.speed_graph),
         has_vc=extras.vc_method is not None
         or bool(story.mapping(story.mapping(result, "plans"), "vc_method")),
-        vc=vc_story(result),
+        vc=vc_story(result, rest_ends=rest),
         **_vc_sections(problem, extras.vc_method),
         seeds=seed_story(result),
         stuck=[run.sentence for run in stuck],
+        window=window_sentence(result),
+        executed=story.is_executed(result),
+        hollow=any(breaks(result, name) for name in story.travel_times(result)),
+        subject=_subject(result, evidence),
         **_bound_sections(problem, result, evidence, folder),
         map=_map(problem, result, evidence, extras),
         map_lines=[method(name) for name, _ in _map_lines(evidence)]
@@ -145,6 +151,7 @@ def write_report(
                         plan=plan,
                         over=over,
                         variational=_variational(evidence),
+                        subject=_subject(result, evidence),
                     )
                 )
                 for over in ("path", "time")
@@ -183,13 +190,26 @@ def _bracket(result: Mapping[str, Any]) -> Section:
     if not times:
         return Section(pictures=(), missing="No stage produced a travel time.")
     data = BracketData(
-        rows=[BracketRow(method=name, travel_time=time) for name, time in times.items()],
+        rows=[_bracket_row(result, name, time) for name, time in times.items()],
         reference=story.reference_plan(result),
-        executed=story.executed_plan(result),
+        executed=story.executed_plan(result) if story.is_executed(result) else "",
         upper=upper(result)[0],
         full_bound=full_bound(result) if "refined" in times else None,
     )
     return Section(pictures=[draw_bracket(data)])
+
+
+def _bracket_row(result: Mapping[str, Any], name: str, time: float) -> BracketRow:
+    return BracketRow(
+        method=name, travel_time=time, breaks=breaks(result, name), astray=goes_astray(result, name)
+    )
+
+
+def _subject(result: Mapping[str, Any], evidence: Evidence) -> str:
+    """What the motion drawn is called: where nothing is executed, it stands in and bears its own name."""
+    if story.is_executed(result) or not evidence.executed_plan:
+        return "executed motion"
+    return method(evidence.executed_plan).label.lower().replace("voronoi", "Voronoi")
 
 
 def _map_lines(evidence: Evidence) -> list[tuple[str, Trajectory]]:
@@ -207,6 +227,7 @@ def _map(problem: Problem, result: Mapping[str, Any], evidence: Evidence, extras
             arcs=arcs,
             others=_map_lines(evidence),
             executed=evidence.executed,
+            subject=_subject(result, evidence),
             stuck=[(run.method, run.place) for run in stuck_runs(result) if run.place is not None],
             strayed=evidence.simulation if story.strayed(result) else None,
         )

@@ -17,15 +17,13 @@ from verify.report.numbers import (
     fine_percent,
     metres,
     number_in,
-    percent,
     percent_beside,
     seconds,
-    seconds_proven,
     significant,
     with_unit,
     with_unit_beside,
 )
-from verify.report.palette import METHODS, Method, method
+from verify.report.palette import METHODS, method
 from verify.report.text import label
 from verify.report.wording import CHECKS, GAPS, GATES, VERDICTS, GateWords
 
@@ -66,22 +64,6 @@ class CheckRow:
     worst: str
     where: str
     message: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class TimeRow:
-    """One travel time as the page shows it."""
-
-    look: Method
-    model: str
-    travel_time: str
-    above: str
-    length: str
-    solver: str
-    intervals: str
-    iterations: str
-    compute_time: str
-    executed: bool
 
 
 @dataclass(frozen=True)
@@ -218,6 +200,12 @@ def executed_plan(result: Result) -> str:
     )
 
 
+def is_executed(result: Result) -> bool:
+    """Whether `executed_plan` is to be executed; else it only stands in, as nothing passed its checks."""
+    plan = executed_plan(result)
+    return bool(plan) and (words(result.get("executed")) == plan or verdict(result) != "failed")
+
+
 def is_stuck(result: Result, name: str) -> bool:
     """Whether a plan never reached the goal: then it has no travel time."""
     return mapping(mapping(result, "plans"), name).get("reached") is False
@@ -240,55 +228,22 @@ def travel_times(result: Result) -> dict[str, float]:
     return {name: time for name in names if (time := found[name]) is not None and not is_stuck(result, name)}
 
 
-def time_rows(result: Result) -> list[TimeRow]:
-    """The table of travel times, analytic against optimised."""
-    times = travel_times(result)
-    reference = times.get(reference_plan(result))
-    rows = []
-    for name, time in times.items():
-        if name in ("lower_bound", "simulation"):
-            facts = mapping(result, name)
-        else:
-            facts = mapping(mapping(result, "plans"), name)
-        rows.append(
-            TimeRow(
-                look=method(name),
-                model=words(facts.get("model")).replace("_", " ")
-                or ("variational" if name == "lower_bound" else DASH),
-                travel_time=seconds_proven(time) if name == "lower_bound" else seconds(time),
-                above="reference"
-                if name == reference_plan(result)
-                else percent(time / reference - 1.0, signed=True)
-                if reference
-                else DASH,
-                length=metres(number_in(facts, "length")),
-                solver=words(facts.get("solver") or facts.get("method")) or DASH,
-                intervals=f"{count(number_in(facts, 'triangles'))} triangles"
-                if name == "lower_bound"
-                else count(number_in(facts, "intervals")),
-                iterations=count(number_in(facts, "iterations")),
-                compute_time=duration(number_in(facts, "compute_time")),
-                executed=name == executed_plan(result),
-            )
-        )
-    return rows
-
-
 def key_figures(result: Result, evidence: Evidence) -> list[KeyFigure]:
     """What a reader looks for first."""
     plan = executed_plan(result)
     facts = mapping(mapping(result, "plans"), plan)
     gates = {row.name: row for row in gate_rows(result)}
+    executed = is_executed(result)
+    own = method(plan).label if plan else ""
+    unused = "" if executed or not plan else f"{own}, not executed"
     figures = [
-        KeyFigure(
-            "Travel time", seconds(number_in(facts, "travel_time")), method(plan).label if plan else ""
-        ),
-        KeyFigure("Path length", metres(number_in(facts, "length"))),
+        KeyFigure("Travel time", seconds(number_in(facts, "travel_time")), unused or own),
+        KeyFigure("Path length", metres(number_in(facts, "length")), unused),
     ]
     if evidence.executed is not None:
-        figures.append(
-            KeyFigure("Top speed", f"{evidence.executed.v.max():.2f}\u00a0m/s", "of the executed motion")
-        )
+        drawn = method(evidence.executed_plan).label if evidence.executed_plan else "motion shown"
+        whose = "of the executed motion" if executed else f"{drawn}, not executed"
+        figures.append(KeyFigure("Top speed", f"{evidence.executed.v.max():.2f}\u00a0m/s", whose))
     for name, title in (
         ("braking_margin", "Least braking margin"),
         ("constraint_violation", "Worst violation"),

@@ -8,7 +8,8 @@ from typing import Any
 
 from verify.report.numbers import DASH, duration, metres, number_in, seconds
 from verify.report.palette import method
-from verify.report.story import Result, TimeRow, is_stuck, mapping, words
+from verify.report.story import Result, is_stuck, mapping, words
+from verify.report.story_times import TimeRow
 from verify.report.text import plain
 from verify.report.wording import STUCK
 
@@ -59,6 +60,7 @@ def _row(name: str, plan: Mapping[str, Any]) -> TimeRow:
     return TimeRow(
         look=method(name),
         model=words(plan.get("model")).replace("_", " ") or DASH,
+        breaks="",
         travel_time="stuck",
         above="no time",
         length=DASH if length is None else f"{metres(length)} so far",

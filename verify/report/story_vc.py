@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from verify.report.numbers import count, metres, number_in, percent, seconds, significant
-from verify.report.story import OPTIMA, KeyFigure, Result, entries, mapping, travel_times, words
+from verify.report.story import KeyFigure, Result, entries, mapping, words
+from verify.report.story_times import ANOTHER_WAY, against_best, against_optimum, broken, goes_astray
 from verify.report.text import plain
 
 COSTS = ("published", "realised")
@@ -38,8 +39,8 @@ class VcStory:
     shortfalls: tuple[str, ...]  # what of the robot the motion cannot meet, and where
 
 
-def vc_story(result: Result) -> VcStory:
-    """All sentences about the vc-method, as far as the result tells."""
+def vc_story(result: Result, *, rest_ends: bool) -> VcStory:
+    """All sentences about the vc-method, as far as the result tells; `rest_ends`: not all ends are safe."""
     plan = mapping(mapping(result, "plans"), "vc_method")
     told = plan.get("shortfalls")
     return VcStory(
@@ -49,8 +50,8 @@ def vc_story(result: Result) -> VcStory:
                 [
                     _cells(mapping(plan, "graph"), mapping(plan, "route")),
                     cost_sentence(plan),
-                    _driven(plan),
-                    _against_optimum(result),
+                    _driven(result, plan),
+                    _against(result, rest_ends=rest_ends),
                     _shortest(mapping(plan, "shortest_route")),
                 ],
             )
@@ -70,7 +71,7 @@ def _facts(graph: Mapping[str, Any], route: Mapping[str, Any]) -> tuple[KeyFigur
         KeyFigure(
             "Stacks of four cells",
             "–" if share is None else f"{100.0 * share:.0f}\u00a0%",
-            "the source calls this generic",
+            "the source expects nearly all",
         ),
         KeyFigure(
             "Critical points",
@@ -132,7 +133,7 @@ def _named(name: str) -> str:
     return f"“{shown if len(shown) <= LONGEST_NAME else shown[: LONGEST_NAME - 1] + '…'}”"
 
 
-def _driven(plan: Mapping[str, Any]) -> str:
+def _driven(result: Result, plan: Mapping[str, Any]) -> str:
     arcs, time = number_in(plan, "arc_time"), number_in(plan, "travel_time")
     if arcs is None or time is None:
         return ""
@@ -142,22 +143,26 @@ def _driven(plan: Mapping[str, Any]) -> str:
         text += f"; with {_number(corners, 'corner')} rounded the motion takes {seconds(time)}"
     else:
         text += f", and the motion {seconds(time)}: there is no corner to round"
+    limits = broken(result, "vc_method")
+    if limits:
+        text += f", but it breaks {limits}"
     if plan.get("consistent") is False:
         text += ". Radii and speeds did not settle, so some corners are wider or slower than needed"
     return text + "."
 
 
-def _against_optimum(result: Result) -> str:
-    times = travel_times(result)
-    name = next((name for name in OPTIMA if name in times), "")
-    if "vc_method" not in times or not times.get(name):
-        return ""
-    ratio = times["vc_method"] / times[name] - 1.0
-    relation = "above" if ratio >= 0.0 else "below"
-    return (
-        f"That is {percent(abs(ratio))} {relation} the variational optimum, which knows no limit of drive or "
-        "turning."
-    )
+def _against(result: Result, *, rest_ends: bool) -> str:
+    if goes_astray(result, "vc_method"):
+        return (
+            f"It goes {ANOTHER_WAY}, as the method knows of no passages, so its time compares with none here."
+        )
+    best = against_best(result, "vc_method", rest_ends=rest_ends)
+    optimum = against_optimum(result, "vc_method")
+    if optimum:
+        optimum += ", which knows no limit of drive or turning"
+        optimum += " and may start and end at the safe speed" if rest_ends else ""
+    parts = ", ".join(filter(None, [best, optimum]))
+    return f"That is {parts}." if parts else ""
 
 
 def _shortest(route: Mapping[str, Any]) -> str:

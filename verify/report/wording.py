@@ -96,6 +96,11 @@ LIMITS: Mapping[str, str] = MappingProxyType(
     }
 )
 
+# The same in a chart or a table, where there is no room; other names as they are.
+BROKEN: Mapping[str, str] = MappingProxyType(
+    {"start": "start heading or speed", "goal": "end heading or speed", "drive": "drive and brakes"}
+)
+
 # Why the lower bound was refined no further, by the words in result.json.
 STOPPED: Mapping[str, str] = MappingProxyType(
     {
