@@ -52,6 +52,7 @@ SETTINGS: tuple[tuple[tuple[float, float, float], float | None], ...] = (
 WINDOW = 1.0  # [s], Sec. 2.7.2
 LOOKS = 17  # along a motion of DWA
 SAMPLES = 201  # of a path and of a speed profile
+NEAR_LENGTH = 0.1  # relative: printed lengths that ours come near
 NAMES = {"vc_method": "vc-method", "dwa": "DWA"}
 
 
@@ -165,10 +166,20 @@ def summary(data: Data) -> list[Row]:
             ours=f"{row['vc_method']['time']:.1f} s / {_told(row['dwa'])} = {ratio(row):.2f}"
             if row["dwa"]["reached"]
             else f"{row['vc_method']['time']:.1f} s / {_told(row['dwa'])}",
-            note="reconstruction, laid out so that times come near",
+            note="reconstruction, laid out so that times come near" + _lengths_apart(row),
         )
         for name, row in data["examples"].items()
     ]
+
+
+def _lengths_apart(row: Data) -> str:
+    """Whose way has another length than printed, as a clause; empty when both come within a tenth."""
+    apart = [
+        called
+        for key, called in NAMES.items()
+        if abs(row[key]["length"] / row["printed"][key]["length"] - 1.0) > NEAR_LENGTH
+    ]
+    return f"; not so the length of the way of {' and '.join(apart)}" if apart else ""
 
 
 def _told(found: Data) -> str:
