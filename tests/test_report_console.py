@@ -38,7 +38,6 @@ def test_the_headline_tells_what_a_full_robot_s_motion_breaks_and_who_got_stuck(
     assert "voronoi_route 2.500 s  dwa stuck" in line  # the variational model promises no steering
 
 
-
 @pytest.mark.parametrize(
     ("executed", "order"),
     [

@@ -169,6 +169,7 @@ def test_a_page_without_an_executed_motion_names_the_one_it_shows(tmp_path):
     told |= {"verdict": "failed"}
     told["plans"]["vc_method"] = {**SLIPS, "travel_time": 30.0}
     told["plans"]["dwa"] = {"travel_time": 40.0, "reached": True, "window": 1.0, "model": "full"}
+    told["plans"]["dwa"]["passes_through"] = False
     text = page(tmp_path / "case", told)
     words = Page(text).text.replace("\u00a0", " ")
     assert "bold type" not in words
@@ -176,6 +177,9 @@ def test_a_page_without_an_executed_motion_names_the_one_it_shows(tmp_path):
     assert "The broad line is the variational collocation, its colour the speed." in words
     assert "full ; breaks: steering, end heading or speed" in words
     assert "Hollow marks" in words
+    chart_says = re.search(r'<desc id="bracket-desc">(.*?)</desc>', text)[1].replace("\u00a0", " ")
+    assert "vc-method 30.000 s, breaks: steering, end heading or speed;" in chart_says
+    assert "Dynamic window 40.000 s, by another way than asked for;" in chart_says
     assert "The variational optimum itself breaks the steering limit." in words  # and nothing repaired it
     assert "Dynamic window: window 1 s." in words
     lead, beside_it = (re.search(rf'<p class="{name}">(.*?)</p>', text)[1] for name in ("lead", "others"))
