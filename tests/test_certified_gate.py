@@ -170,7 +170,7 @@ def test_a_trajectory_that_fails_its_checks_contradicts_nothing():
     motion = arcs_motion((5.0, 2.0), 0.0, [(30.0, 0.0)], [speed, speed], within=here)
     checks = check_motion(motion, "collocation", "variational", here)
     assert any(check.blocks for check in checks)
-    assert _sound({"collocation": motion}, checks) == {}
+    assert _sound({"collocation": motion}, checks, here) == {}
 
 
 def test_a_full_motion_faster_than_the_bound_and_its_ends_is_a_contradiction():

@@ -237,12 +237,16 @@ def _seeds(stages: Stages, diagram: VoronoiDiagram, gates: Gates) -> list[Seed]:
 
 
 def _optimise(stages: Stages, seeds: Sequence[Seed], gates: Gates) -> None:
-    """The collocation of both models, where there are seeds; a cold start where any way will do."""
+    """The collocation of both models, where there are seeds; seeds of several methods are compared.
+
+    The comparison has a cold start too, where any way will do.
+    """
     if not seeds:
         return
     scenario, done = stages.scenario, stages.done
     problem, effort = scenario.problem, scenario.plan.effort
-    if not scenario.plan.through:
+    compared = effort == "full" and len({seed.method for seed in seeds}) > 1
+    if compared and not scenario.plan.through:
         seeds = [*seeds, cold_start(problem)]
     told, named = stages.told("collocation"), partial(class_of, gates)
     best = done.keep(
@@ -252,7 +256,7 @@ def _optimise(stages: Stages, seeds: Sequence[Seed], gates: Gates) -> None:
         )
     )
 
-    if best is not None and effort == "full":
+    if best is not None and compared:
         found, told = best, stages.told("seeds compared")
         rows = stages.run(
             "seed_comparison", lambda: compare_seeds(problem, seeds, found, gates, effort, told)
