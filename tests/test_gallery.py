@@ -155,6 +155,9 @@ def test_the_vc_method_is_no_faster_than_the_variational_optimum_and_keeps_its_p
 
 
 def test_seeds_of_one_class_lead_to_one_optimum(result):
+    if result["scenario"] == "warehouse_gaps":
+        assert "comparison" not in result["plans"]["collocation"]  # the speed graph alone seeds
+        return
     rows = [row for row in result["plans"]["collocation"]["comparison"] if "travel_time" in row]
     assert {"speed_graph"} <= {row["method"] for row in rows}
     times: dict[str, list[float]] = {}
@@ -168,7 +171,7 @@ def test_seeds_of_one_class_lead_to_one_optimum(result):
 def test_the_dynamic_window_arrives_later_or_says_why_not(result):
     plan = result["plans"].get("dwa")
     if plan is None:
-        assert result["scenario"] == "warehouse_gaps"
+        assert result["scenario"] in REFINED  # nobody asked for it
     elif plan["reached"]:
         assert plan["travel_time"] >= result["lower_bound"]["travel_time"]
         assert not plan["violations"]
@@ -201,7 +204,7 @@ def test_the_full_model_is_no_faster_than_what_bounds_it(result):
 
 def test_the_voronoi_route_is_an_upper_bound_with_an_exact_time(result):
     if "voronoi_route" not in result["plans"]:
-        assert result["scenario"] in {"warehouse_gaps", "office_floor", *AT_REST}  # nobody asked for it
+        assert result["scenario"] in {*REFINED, "office_floor", *AT_REST}  # nobody asked for it
         return
     route = result["plans"]["voronoi_route"]
     assert route["exact_time"] <= route["travel_time"] <= route["exact_time"] * (1.0 + 1e-5)
