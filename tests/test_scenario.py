@@ -15,7 +15,14 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from vnav_drake.problem import NoPathError
-from vnav_drake.scenario import DwaSettings, ScenarioError, load_scenario, parse_scenario, scenario_schema
+from vnav_drake.scenario import (
+    DwaSettings,
+    ScenarioError,
+    SimulationSettings,
+    load_scenario,
+    parse_scenario,
+    scenario_schema,
+)
 from vnav_drake.scenario_file import read_document
 
 ROOT = Path(__file__).parents[1]
@@ -206,6 +213,7 @@ def test_left_out_keys_take_the_documented_defaults():
     assert (scenario.plan.graph, scenario.plan.through) == ("sampled", ())
     assert scenario.plan.edge_cost == "realised"
     assert scenario.plan.dwa == DwaSettings(weights=(1.0, 1.0, 1.0), window=1.0, step=None)
+    assert scenario.simulation == SimulationSettings(model="four_wheel", stops=200, studies=True)
     assert scenario.named_gates == frozenset()
     assert scenario.gates == {
         "analytic_gap": 0.01,
@@ -245,6 +253,49 @@ def test_ends_and_named_gates_reach_the_scenario():
     assert (goal.fixed_speed, goal.heading) == (0.0, None)
     assert scenario.named_gates == {"braking_margin", "emergency_stops"}
     assert (scenario.gates["braking_margin"], scenario.gates["emergency_stops"]) == (0.01, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("keys", "model", "stops", "studies"),
+    [
+        ("simulation: {}", "four_wheel", 200, True),
+        ("simulation: {model: null, stops: null, studies: null}", "four_wheel", 200, True),
+        ("simulation: {model: both, stops: 0, studies: false}", "both", 0, False),
+        ("simulation: {model: single_track, stops: 2000}", "single_track", 2000, True),
+        ("plan: {effort: quick}", "four_wheel", 50, False),
+        ("plan: {effort: quick}\nsimulation: {stops: 7, studies: true}", "four_wheel", 7, True),
+    ],
+)
+def test_what_the_simulation_leaves_out_follows_from_the_effort(keys, model, stops, studies):
+    asked = small("start:", f"{keys}\nstart:").simulation
+    assert asked == SimulationSettings(model=model, stops=stops, studies=studies)
+
+
+def test_a_point_robot_has_no_room_for_four_wheels():
+    assert small("radius: 0.5", "radius: 0").simulation.model == "single_track"
+    text = SMALL.replace("radius: 0.5", "radius: 0")
+    for model in ("four_wheel", "both"):
+        asked = text.replace("start:", f"simulation: {{model: {model}}}\nstart:")
+        with pytest.raises(ScenarioError, match=f"simulation.model = '{model}': .* expected single_track"):
+            parse_scenario(asked.encode(), "small.yaml")
+
+
+# 9.81 * 0.5 / (2 * 0.7) = 3.50357142... m/s^2 of the height lie below 9.81 * 0.6 of the floor.
+@pytest.mark.parametrize(
+    ("robot", "limit"),
+    [("com_height: 0.7, friction: 0.6", 3.50357), ("com_height: 0.7, friction: 0.3", 2.943)],
+)
+def test_an_impossible_vehicle_is_told_the_number_that_is_possible(robot, limit):
+    """The smaller of what friction and height allow, rounded down so that it can be written as told."""
+    text = SMALL.replace("com_height: 0.12, friction: 0.6", robot)
+    for braking, acceleration in ((9.0, 1.0), (1.0, 9.0)):
+        asked = text.replace("max_braking: 1e0", f"max_braking: {braking}")
+        asked = asked.replace("max_acceleration: 2.", f"max_acceleration: {acceleration}")
+        with pytest.raises(ScenarioError) as caught:
+            parse_scenario(asked.encode(), "small.yaml")
+        told = {re.search(r"at most ([0-9.]+) \[m/s\^2\]", fault).group(1) for fault in caught.value.faults}
+        assert [float(number) for number in told] == [limit]
+        assert parse_scenario(asked.replace("9.0", told.pop()).encode(), "small.yaml").name == "small"
 
 
 def test_error_places_a_later_finding_at_its_key():

@@ -22,6 +22,11 @@ class Bad:
     at: str = ""  # text that marks the line; the first line of `new` when empty
 
 
+def simulation(entry, key, says):
+    """A fault in a section `simulation` of this one entry."""
+    return Bad("effort: full", f"effort: full\nsimulation:\n  {entry}", f"simulation.{key}", says, entry)
+
+
 O1 = "[[4, 12], [14, 12], [14, 17], [4, 17]]"
 HALL = "[[0, 0], [20, 0], [20, 20], [0, 20]]"
 MALFORMED = [
@@ -34,7 +39,7 @@ MALFORMED = [
         "raduis",
     ),
     Bad("goal:\n", "goall:\n", "goall = ", "did you mean goal"),
-    Bad("schema: 1", "schema: 1\nsimulation: {}", "simulation = {}", "unknown key", "simulation"),
+    Bad("schema: 1", "schema: 1\nsweep: {}", "sweep = {}", "unknown key", "sweep"),
     Bad("  mass: 40.0\n", "", "robot.mass", "missing; expected a number [kg]", "robot:"),
     Bad("schema: 1\n", "", "schema", "missing; expected 1", "name: example"),
     Bad("  position: [2.0, 18.0]\n", "", "goal.position", "missing; expected a pair", "goal:"),
@@ -104,7 +109,15 @@ MALFORMED = [
         "do not fit in the disc",
         "  radius: 0.4\n  mass",
     ),
-    # braking, plan, gates
+    Bad("friction: 0.6", "friction: 0.1", "robot.friction = 0.1", "or max_braking at most 0.981 [m/s^2]"),
+    Bad(
+        "com_height: 0.12",
+        "com_height: 3",
+        "robot.max_braking = 1.0",
+        "at most 0.8175 [m/s^2]",
+        "max_braking",
+    ),
+    # braking, plan, simulation, gates
     Bad("reaction_time: 0.0", "reaction_time: -0.1", "braking.reaction_time = -0.1", "at least 0 [s]"),
     Bad("margin: 0.0", "margin: -1", "braking.margin = -1", "at least 0 [m]"),
     Bad("zone: uniform", "zone: disc", "braking.zone = 'disc'", "known: uniform"),
@@ -143,6 +156,21 @@ MALFORMED = [
         "through: [O1/O2]",
     ),
     Bad("effort: full", "effort: most", "plan.effort = 'most'", "one of quick, full"),
+    Bad(
+        "effort: full",
+        "effort: full\nsimulation: four_wheel",
+        "simulation = 'four_wheel'",
+        "mapping",
+        "simulation",
+    ),
+    simulation("model: bicycle", "model = 'bicycle'", "one of single_track, four_wheel, both"),
+    simulation("stops: -1", "stops = -1", "at least 0"),
+    simulation("stops: 2001", "stops = 2001", "at most 2000"),
+    simulation("stops: 2.5", "stops = 2.5", "whole number"),
+    simulation("stops: true", "stops = True", "whole number"),
+    simulation("stops: many", "stops = 'many'", "whole number"),
+    simulation("studies: 1", "studies = 1", "true or false"),
+    simulation("study: true", "study = True", "did you mean studies"),
     Bad("analytic_gap: 0.01", "analytic_gap: -0.01", "gates.analytic_gap = -0.01", "at least 0"),
     Bad("analytic_gap: 0.01", "anal_gap: 0.01", "gates.anal_gap = 0.01", "did you mean analytic_gap"),
     # the world
@@ -233,6 +261,7 @@ MALFORMED = [
     Bad("[[10, 9]]}", "[[10, 9]}", "", "not valid YAML"),
     Bad("mass: 40.0", "\tmass: 40.0", "", "not valid YAML"),
 ]
+# 9.81 * 0.1 is the smaller limit of the slippery floor, 9.81 * 0.5 / (2 * 3) that of the tall robot.
 # Changes that a case needs besides its own.
 ALSO = {
     "friction_reserve: true": ("friction: 0.6", "friction: 0.10193679918450561"),  # 1 / 9.81

@@ -29,10 +29,13 @@ __all__ = [
     "Scenario",
     "ScenarioError",
     "ScenarioSpec",
+    "SimulationSettings",
     "load_scenario",
     "parse_scenario",
     "scenario_schema",
 ]
+
+STOPS, QUICK_STOPS = 200, 50  # instants of the emergency-stop audit unless the file says otherwise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +61,15 @@ class PlanSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SimulationSettings:
+    """How the result is driven; what the file leaves out follows from the robot and `plan.effort`."""
+
+    model: Literal["single_track", "four_wheel", "both"]
+    stops: int  # instants of the emergency-stop audit, two stops each; 0: none
+    studies: bool  # limits finder and robustness sweep
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scenario:
     """One validated scenario file."""
 
@@ -66,6 +78,7 @@ class Scenario:
     spec: ScenarioSpec = field(repr=False)  # numbers as written
     problem: Problem
     plan: PlanSettings
+    simulation: SimulationSettings
     gates: Mapping[str, float]  # all gates, defaults filled in
     named_gates: frozenset[str]  # those that the file names itself
     data: bytes = field(repr=False)  # the file, byte by byte
@@ -135,12 +148,22 @@ def _build(data: bytes, where: str, source: Path | None) -> Scenario:
         spec=spec,
         problem=problem,
         plan=plan,
+        simulation=_simulation(spec),
         gates={name: float(limit) for name, limit in spec.gates.model_dump().items()},
         named_gates=frozenset(spec.gates.model_fields_set),
         data=data,
         sha256=hashlib.sha256(data).hexdigest(),
         source=source,
         document=document,
+    )
+
+
+def _simulation(spec: ScenarioSpec) -> SimulationSettings:
+    asked, full = spec.simulation, spec.plan.effort == "full"
+    return SimulationSettings(
+        model=asked.model or ("single_track" if spec.robot.radius == 0.0 else "four_wheel"),
+        stops=(STOPS if full else QUICK_STOPS) if asked.stops is None else asked.stops,
+        studies=full if asked.studies is None else asked.studies,
     )
 
 

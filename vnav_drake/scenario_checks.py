@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import decimal
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -36,7 +37,7 @@ Shapes = NDArray[np.object_]
 
 
 def robot_faults(spec: ScenarioSpec) -> list[Fault]:
-    """Faults of the robot alone: wheels outside its disc, brakes that friction cannot carry."""
+    """Faults of the robot alone: wheels outside its disc, brakes that it cannot have, a body it has not."""
     robot, faults = spec.robot, []
     reach = 0.5 * math.hypot(robot.wheelbase, robot.track)
     if robot.radius > 0.0 and reach > robot.radius + BODY_TOLERANCE:
@@ -54,7 +55,8 @@ def robot_faults(spec: ScenarioSpec) -> list[Fault]:
             Fault(
                 ("robot", "friction"),
                 f"mu g = {grip:.12g} m/s^2 cannot carry max_braking = {robot.max_braking:g} m/s^2; "
-                f"expected at least max_braking / {GRAVITY:g} = {robot.max_braking / GRAVITY:.17g}",
+                f"expected at least max_braking / {GRAVITY:g} = {robot.max_braking / GRAVITY:.17g}, "
+                f"or max_braking at most {_possible(robot)} [m/s^2]",
             )
         )
     elif spec.braking.friction_reserve and grip <= robot.max_braking * (1.0 + FRICTION_TOLERANCE):
@@ -65,19 +67,35 @@ def robot_faults(spec: ScenarioSpec) -> list[Fault]:
                 "expected false, more friction or less max_braking",
             )
         )
+    if robot.radius == 0.0 and spec.simulation.model in ("four_wheel", "both"):
+        faults.append(
+            Fault(
+                ("simulation", "model"),
+                "a point robot (robot.radius 0) has no room for four wheels; expected single_track",
+            )
+        )
     return faults
 
 
+def _pitch_limit(robot: RobotSpec) -> float:
+    """g l/(2 h) [m/s^2]: whoever brakes or accelerates harder lifts an axle (moments about the other one)."""
+    return math.inf if robot.com_height == 0.0 else 0.5 * GRAVITY * robot.wheelbase / robot.com_height
+
+
+def _possible(robot: RobotSpec) -> str:
+    """The greatest deceleration that friction and the height allow, in a few digits and rounded down."""
+    limit = min(robot.friction * GRAVITY, _pitch_limit(robot))
+    return f"{float(decimal.Context(prec=6, rounding=decimal.ROUND_FLOOR).create_decimal(repr(limit))):g}"
+
+
 def _pitch_faults(robot: RobotSpec) -> list[Fault]:
-    """Moments about an axle: a robot that brakes or accelerates harder than g l/(2 h) lifts the other one."""
-    if robot.com_height == 0.0:
-        return []
-    limit = 0.5 * GRAVITY * robot.wheelbase / robot.com_height
+    limit, grip = _pitch_limit(robot), robot.friction * GRAVITY
     return [
         Fault(
             ("robot", key),
             f"lifts the {axle} axle: a centre of mass {robot.com_height:g} m high above a wheelbase of "
-            f"{robot.wheelbase:g} m allows g l/(2 h) = {limit:.6g} [m/s^2]; expected at most that",
+            f"{robot.wheelbase:g} m allows g l/(2 h) = {limit:.6g} m/s^2, friction mu g = {grip:.6g} m/s^2; "
+            f"expected at most {_possible(robot)} [m/s^2]",
         )
         for key, axle in (("max_braking", "rear"), ("max_acceleration", "front"))
         if getattr(robot, key) > limit

@@ -293,6 +293,24 @@ class PlanSpec(_Section):
         return through
 
 
+class SimulationSpec(_Section):
+    """How the result is driven, and how often it is asked to stop."""
+
+    model: Literal["single_track", "four_wheel", "both"] | None = Field(
+        default=None, description="Vehicle that drives; null: four_wheel, single_track for a point robot."
+    )
+    stops: int | None = Field(
+        default=None,
+        ge=0,
+        le=2000,
+        description="Instants of the emergency-stop audit, two stops each; 0: none; null: 200, or 50 with "
+        "plan.effort quick.",
+    )
+    studies: bool | None = Field(
+        default=None, description="Limits finder and robustness sweep; null: with plan.effort full."
+    )
+
+
 class GatesSpec(_Section):
     """Limits that the result must keep; exit code 1 otherwise."""
 
@@ -327,6 +345,7 @@ class ScenarioSpec(_Section):
     start: EndSpec
     goal: EndSpec
     plan: PlanSpec = PlanSpec()
+    simulation: SimulationSpec = SimulationSpec()
     gates: GatesSpec = GatesSpec()
 
 
