@@ -13,6 +13,7 @@ from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from verify.report.palette import INK, PAPER
+from verify.report.svg import arrange
 
 Array = NDArray[np.float64]
 
@@ -45,7 +46,7 @@ def label_curves(
     of the distances `gaps` [px] from their curve.
     """
     figure = axes.figure.figure
-    figure.draw_without_rendering()
+    arrange(figure)
     dense = [_dense(axes, curve) for curve in curves]
     points = np.concatenate(dense) if dense else np.empty((0, 2))
     frame = axes.get_window_extent()
@@ -65,7 +66,7 @@ def label_curves(
         candidates[:, 0] = np.clip(
             candidates[:, 0], frame.x0 + room[0], max(frame.x1 - room[0], frame.x0 + room[0])
         )
-        costs = [_cost(c, half, points, frame, taken) for c in candidates]
+        costs = _costs(candidates, half, points, frame, taken)
         best = candidates[int(np.argmin(costs))]
         x, y = axes.transData.inverted().transform(best)
         text.set_position((float(x), float(y)))
@@ -78,7 +79,7 @@ def label_points(axes: Axes, points: Mapping[str, Array], away: float, curves: S
 
     Call it when the limits of the axes are final. `away` [px]: how far from its point, across and along.
     """
-    axes.figure.figure.draw_without_rendering()
+    arrange(axes.figure.figure)
     dense = [_dense(axes, curve) for curve in curves]
     covered, frame = np.concatenate([np.empty((0, 2)), *dense]), axes.get_window_extent()
     taken: list[Bbox] = []
@@ -92,7 +93,7 @@ def label_points(axes: Axes, points: Mapping[str, Array], away: float, curves: S
         centre = np.array([frame.x0 + frame.x1, frame.y0 + frame.y1]) / 2.0
         inward = np.where(at < centre, 1.0, -1.0)
         candidates = at + inward * [[1, 1], [1, -1], [-1, 1], [-1, -1]] * (away + half)
-        costs = np.array([_cost(c, half, covered, frame, taken) for c in candidates])
+        costs = _costs(candidates, half, covered, frame, taken)
         others = axes.transData.transform([points[key] for key in points if key != name])
         for other in others:  # a name about as near to another point would be taken for its
             costs += 500.0 * (np.hypot(*(candidates - other).T) < 1.5 * np.hypot(*(candidates - at).T))
@@ -113,12 +114,15 @@ def _dense(axes: Axes, curve: Curve) -> Array:
     return np.column_stack([np.interp(at, run, pixels[:, 0]), np.interp(at, run, pixels[:, 1])])
 
 
-def _cost(centre: Array, half: Array, points: Array, frame: Bbox, taken: Sequence[Bbox]) -> float:
-    low, high = centre - half - 2.0, centre + half + 2.0
-    covered = np.count_nonzero(np.all((points > low) & (points < high), axis=1))
-    outside = sum(
-        max(0.0, e) for e in (frame.x0 - low[0], high[0] - frame.x1, frame.y0 - low[1], high[1] - frame.y1)
+def _costs(centres: Array, half: Array, points: Array, frame: Bbox, taken: Sequence[Bbox]) -> Array:
+    """(n,) how bad a label of half size `half` is at each of `centres` (n, 2): what it covers and leaves."""
+    low, high = centres - half - 2.0, centres + half + 2.0
+    x, y = points.T
+    covered = (x > low[:, :1]) & (x < high[:, :1]) & (y > low[:, 1:]) & (y < high[:, 1:])
+    outside = np.sum(np.maximum(frame.min - low, 0.0) + np.maximum(high - frame.max, 0.0), axis=1)
+    overlaps = sum(
+        (np.all((low <= box.max) & (high >= box.min), axis=1) for box in taken),
+        np.zeros(len(centres), np.int64),
     )
-    overlaps = sum(Bbox([low, high]).overlaps(other) for other in taken)
-    middle = abs(centre[0] - 0.5 * (frame.x0 + frame.x1)) / max(frame.width, 1.0)
-    return float(covered) + 50.0 * outside + 1000.0 * overlaps + middle
+    middle = np.abs(centres[:, 0] - 0.5 * (frame.x0 + frame.x1)) / max(frame.width, 1.0)
+    return np.count_nonzero(covered, axis=1) + 50.0 * outside + 1000.0 * overlaps + middle

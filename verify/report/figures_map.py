@@ -23,7 +23,7 @@ from verify.report.curves import Curve, halo, label_points
 from verify.report.evidence import SimulatedRun
 from verify.report.palette import ARC, CASING, FLOOR, INK, MUTED, PAPER, RACK, RACK_EDGE, SPEED_MAP, method
 from verify.report.series import thinned_path
-from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_axes, to_svg
+from verify.report.svg import NARROW, WIDE, Picture, arrange, drawing_style, new_axes, to_svg
 from verify.report.text import label
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
@@ -215,7 +215,7 @@ def _scale_bar(axes: Axes, at: tuple[float, float], width: float) -> None:
 
 
 def _names(axes: Axes, world: World) -> None:
-    axes.figure.figure.draw_without_rendering()
+    arrange(axes.figure.figure)
     for obstacle in world.obstacles:
         name = label(obstacle.name)
         if not name:

@@ -84,6 +84,18 @@ def new_axes(width: float, height: float, *, x: str, y: str) -> tuple[Figure, Ax
     return figure, axes
 
 
+def arrange(figure: Figure) -> None:
+    """Put all axes where they will stand, so that pixels can be reckoned; nothing is drawn.
+
+    As `Figure.draw_without_rendering`, at half its cost: that one also walks through every artist.
+    """
+    layout = figure.get_layout_engine()
+    if layout is not None:
+        layout.execute(figure)
+    for axes in figure.axes:
+        axes.apply_aspect()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Picture:
     """One finished figure for the page."""
@@ -113,6 +125,8 @@ def both_widths(
 def to_svg(figure: Figure, *, key: str, title: str, description: str) -> Markup:
     """The figure as one `<svg role="img">` element. The same figure gives the same text."""
     buffer = io.StringIO()
+    arrange(figure)
+    figure.set_layout_engine("none")  # else everything would be drawn once more to no end
     with matplotlib.rc_context({"svg.hashsalt": key}):
         figure.savefig(
             buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
