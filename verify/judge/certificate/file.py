@@ -1,18 +1,13 @@
 """certificate.npz as a file: read strictly, as it may come from anybody.
 
-Sizes are bounded by what the archive declares before anything is unpacked, nothing is unpickled, and
-every number is within a range in which the checks cannot overflow. What the numbers mean is checked
+Every number is within a range in which the checks cannot overflow. What the numbers mean is checked
 elsewhere.
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
 import math
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -22,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from verify import evidence
 from verify.evidence import EvidenceError
+from verify.judge.archive import Layout, first_fault, read_archive, shape_faults
 
 Array = NDArray[np.float64]
 
@@ -35,10 +30,8 @@ UNIT_POWERS = (-60, 20)  # least and greatest power of two of the unit [m]
 MOST_TRIANGLES = 2_000_000  # kept and dropped together
 MOST_SLOTS = 16  # terms of a minorant
 MOST_POTENTIAL = 1e9  # [s], of control values: thirty years
-MOST_HEADER = 4096  # bytes before an array's numbers
 
-# dtype and shape of each array; a letter stands for a length, the same everywhere
-_LAYOUT: Mapping[str, tuple[str, tuple[str | int, ...]]] = {
+_LAYOUT: Layout = {
     "format": ("<i8", ()),
     "vertices": ("<i8", ("n", 2)),
     "origin": ("<f8", (2,)),
@@ -63,16 +56,6 @@ _LAYOUT: Mapping[str, tuple[str, tuple[str | int, ...]]] = {
     "travel_time": ("<f8", ()),
     "digest": ("|u1", (32,)),
 }
-# What numpy raises for a header that is not one.
-_MALFORMED = (
-    ValueError,
-    SyntaxError,
-    TypeError,
-    OverflowError,
-    RecursionError,
-    MemoryError,
-    tokenize.TokenError,
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,10 +116,10 @@ def read_certificate(folder: Path) -> CertificateFile | None:
     EvidenceError : truncated, not such an archive, an array missing, unknown, of another type or shape,
         a number not finite or out of range.
     """
-    if not (folder / CERTIFICATE).exists():
+    arrays = read_archive(folder, CERTIFICATE, _LAYOUT)
+    if arrays is None:
         return None
-    arrays = _arrays(evidence.read_bytes(folder, CERTIFICATE))
-    wrong = _shape_faults(arrays)
+    wrong = _size_faults(arrays)
     if not wrong:
         wrong = _number_faults(arrays)
     if wrong:
@@ -144,65 +127,8 @@ def read_certificate(folder: Path) -> CertificateFile | None:
     return CertificateFile(**{field.name: arrays[field.name] for field in fields(CertificateFile)})
 
 
-def _arrays(data: bytes) -> dict[str, NDArray[Any]]:
-    """The arrays by key; all keys there, none else, each with its type."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            entries = _entries(archive)
-            return {key: _array(key, archive.read(entry)) for key, entry in entries.items()}
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError) as error:
-        raise EvidenceError(f"{CERTIFICATE}: truncated or not an archive of arrays: {error}") from error
-
-
-def _entries(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
-    names = [entry.filename for entry in archive.infolist()]
-    wanted = {f"{key}.npy": key for key in _LAYOUT}
-    wrong = [f"the array {key} is missing" for name, key in wanted.items() if name not in names]
-    strange = sorted(set(names) - set(wanted))
-    wrong += [f"holds what it should not: {name[:60]!a}" for name in strange[:5]]
-    if len(set(names)) < len(names):
-        wrong.append("two entries have the same name")
-    if sum(entry.file_size for entry in archive.infolist()) > evidence.MAX_BYTES:
-        wrong.append(f"unpacks to more than {evidence.MAX_BYTES} bytes")
-    if any(e.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for e in archive.infolist()):
-        wrong.append("is packed in a way that numpy does not use")
-    if wrong:
-        raise EvidenceError(*(f"{CERTIFICATE}: {text}" for text in wrong))
-    return {wanted[entry.filename]: entry for entry in archive.infolist()}
-
-
-def _array(key: str, data: bytes) -> NDArray[Any]:
-    """One array in numpy's format, in C order; its declared size must be that of the data."""
-    wanted = _LAYOUT[key][0]
-    stream = io.BytesIO(data)
-    try:
-        if np.lib.format.read_magic(stream) != (1, 0):
-            raise ValueError("not of version 1.0")
-        shape, _, dtype = np.lib.format.read_array_header_1_0(stream, max_header_size=MOST_HEADER)
-        declared = math.prod(shape) * dtype.itemsize
-        if dtype.str != wanted:
-            raise ValueError(f"its type is {dtype.str!a}, expected {wanted!a}")
-        if declared != len(data) - stream.tell():
-            raise ValueError(f"{len(data) - stream.tell()} bytes of numbers where {declared} are declared")
-        stream.seek(0)
-        array = np.lib.format.read_array(stream, allow_pickle=False, max_header_size=MOST_HEADER)
-    except _MALFORMED as error:
-        raise EvidenceError(f"{CERTIFICATE}: {key}: {error}") from error
-    return np.array(array, order="C")
-
-
-def _shape_faults(arrays: Mapping[str, NDArray[Any]]) -> list[str]:
-    wrong: list[str] = []
-    lengths: dict[str | int, int] = {}
-    for key, (_, shape) in _LAYOUT.items():
-        actual = arrays[key].shape
-        if len(actual) == len(shape):
-            for name, length in zip(shape, actual, strict=True):
-                lengths.setdefault(name, length)
-            if actual == tuple(lengths[name] if isinstance(name, str) else name for name in shape):
-                continue
-        expected = ", ".join(str(lengths.get(name, name)) for name in shape)
-        wrong.append(f"{key}: its shape is {actual}, expected ({expected})")
+def _size_faults(arrays: Mapping[str, NDArray[Any]]) -> list[str]:
+    wrong = shape_faults(arrays, _LAYOUT)
     if not wrong and arrays["feature"].shape[1] > MOST_SLOTS:
         wrong.append(f"feature: more than {MOST_SLOTS} terms a triangle")
     if not wrong and len(arrays["triangles"]) + len(arrays["dropped"]) > MOST_TRIANGLES:
@@ -217,10 +143,7 @@ def _number_faults(arrays: Mapping[str, NDArray[Any]]) -> list[str]:
     wrong: list[str] = []
 
     def demand(key: str, good: NDArray[np.bool_], rule: str) -> None:
-        if not good.all():
-            where = tuple(int(i) for i in np.argwhere(~good)[0])
-            place = "".join(f"[{i}]" for i in where)
-            wrong.append(f"{key}{place} = {arrays[key][where]}: {rule}")
+        wrong.extend(first_fault(key, arrays[key], good, rule))
 
     for key, (dtype, _) in _LAYOUT.items():
         if dtype == "<f8":
