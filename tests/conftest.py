@@ -4,10 +4,23 @@
 """
 
 import os
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 settings.register_profile("local", deadline=None, max_examples=60)
 settings.register_profile("ci", deadline=None, max_examples=60, derandomize=True, print_blob=True)
 settings.register_profile("thorough", deadline=None, max_examples=3000)
 settings.load_profile("ci" if os.environ.get("CI") else "local")
+
+
+@pytest.fixture
+def unreported(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs write an empty report: drawing takes most of a small run's time, and has tests of its own."""
+    from verify import pipeline
+
+    def write(file: Path, **_: object) -> None:
+        file.write_text("not drawn")
+
+    monkeypatch.setattr(pipeline, "write_report", write)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -15,7 +16,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from judged import scenario, scenario_bytes
-from result_folder import CHANGES
+from result_folder import CHANGES, NO_STOPS, outcome
 from test_architecture import IMPORTS
 
 from systems import SimulationError
@@ -40,7 +41,9 @@ WIDE: dict[str, Any] = {
     "start": {"position": [2.0, 3.0]},
     "goal": {"position": [10.0, 3.0]},
     "plan": {"effort": "quick"},
+    "simulation": NO_STOPS,
 }
+pytestmark = pytest.mark.usefixtures("unreported")
 
 
 @cache
@@ -249,19 +252,21 @@ def test_where_nothing_is_left_to_refine_the_optimum_is_executed_and_certified(c
     assert "in rational arithmetic" in text
 
 
-def test_the_line_of_a_run_tells_verdict_times_and_gap(tmp_path, capsys):
+def test_the_line_of_a_run_tells_verdict_times_and_gap(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(pipeline, "run_scenario", lambda *_, **__: wide())
+    (tmp_path / "out").mkdir()
     assert main([str(write(tmp_path)), "--out", str(tmp_path / "out")]) == 0
     (line,) = capsys.readouterr().out.splitlines()
-    result = json.loads((tmp_path / "out/wide_turn/result.json").read_text())
+    result = wide().result
     assert line.startswith(f"wide_turn: certified  {result['executed']} ")
     assert f"certified gap {100.0 * result['gaps']['certified']:.3f} %" in line
     shown = float(line.partition("lower bound ")[2].partition(" s")[0])
     assert 0.0 <= result["lower_bound"]["travel_time"] - shown <= 1e-3  # rounded down
 
 
-def test_ends_at_rest_leave_something_to_refine(tmp_path):
+def test_ends_at_rest_leave_something_to_refine():
     # The optimum has the safe speed at its ends, so it fails the checks start and goal.
-    found = run_scenario(scenario(**{**CHANGES, "plan": {"effort": "quick"}}), tmp_path)
+    found = outcome()
     assert (found.judgement.verdict, found.judgement.executed) == ("refined", "refined")
     assert found.exit_code == 0
     gaps, cost = found.judgement.gaps, found.judgement.end_cost
@@ -313,8 +318,6 @@ def test_a_certificate_that_proves_too_much_is_refused_and_the_refined_plan_runs
 def test_an_edited_certificate_or_question_is_refused(tmp_path, capsys, edit):
     folder = tmp_path / "out/wide_turn"
     folder.parent.mkdir()
-    import shutil
-
     shutil.copytree(wide().report.parent, folder)
     file = folder / evidence.CERTIFICATE
     if edit == "u scaled":

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 import yaml
+from result_folder import NO_STOPS
 
 from verify.cli import run
 
@@ -30,7 +31,9 @@ BASE = {
     "start": {"position": [4, 3]},
     "goal": {"position": [16, 3]},
     "plan": {"effort": "quick"},
+    "simulation": NO_STOPS,
 }
+pytestmark = pytest.mark.usefixtures("unreported")
 
 
 def verified(tmp_path, capsys, expected=0, **changes):

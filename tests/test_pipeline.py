@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from judged import scenario, scenario_bytes
-from result_folder import CHANGES, contents, copy_to, outcome
+from result_folder import CHANGES, NO_STOPS, contents, copy_to, outcome
 
 from systems import SimulationError
 from verify import evidence, execution, pipeline, seeding
@@ -88,7 +88,7 @@ def run_with(monkeypatch: pytest.MonkeyPatch, out: Path, **broken: Exception) ->
             raise error
 
         monkeypatch.setattr(module, name, fail)
-    return run_scenario(scenario(**CHANGES), out)
+    return run_scenario(scenario(**{**CHANGES, "simulation": NO_STOPS}), out)
 
 
 def test_without_collocation_the_rest_is_judged_and_reported(tmp_path, monkeypatch):
@@ -108,6 +108,7 @@ def test_without_collocation_the_rest_is_judged_and_reported(tmp_path, monkeypat
     assert recheck(result.report.parent).reasons == ()
 
 
+@pytest.mark.usefixtures("unreported")
 def test_without_simulation_nothing_passes_unseen(tmp_path, monkeypatch):
     error = SimulationError("diverged at t = 1 s")
     result = run_with(monkeypatch, tmp_path, simulate=error)
@@ -118,6 +119,7 @@ def test_without_simulation_nothing_passes_unseen(tmp_path, monkeypatch):
     assert tracking.status == "not_evaluated"
 
 
+@pytest.mark.usefixtures("unreported")
 def test_without_a_variational_plan_the_full_one_starts_from_the_analytic_ones(tmp_path, monkeypatch):
     result = run_with(monkeypatch, tmp_path, plan_variational=PlanningError("none"))
     assert result.exit_code == 3
@@ -157,8 +159,10 @@ def environment() -> dict[str, str]:
     return {**os.environ, "OMP_NUM_THREADS": "1"}
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("into", [0.0, 0.7])  # [s] after the run has begun: while planning, while optimising
+@pytest.mark.parametrize(
+    ("number", "into"),  # [s] after the run has begun: while planning, while optimising
+    [(signal.SIGTERM, 0.0), (signal.SIGINT, 0.7)],
+)
 def test_an_interrupted_run_leaves_the_earlier_result(tmp_path, number, into):
     earlier = copy_to(tmp_path)
     earlier.rename(tmp_path / "warehouse")
@@ -185,28 +189,39 @@ def test_an_interrupted_run_leaves_the_earlier_result(tmp_path, number, into):
     assert [path.name for path in tmp_path.iterdir()] == ["warehouse"]
 
 
-def test_two_runs_at_once_leave_one_whole_result(tmp_path):
+def test_two_runs_at_once_leave_one_whole_result_and_write_nothing_but_their_line_to_a_pipe(tmp_path):
     file = tmp_path / "around.yaml"
-    file.write_bytes(scenario_bytes(**CHANGES))
+    file.write_bytes(scenario_bytes(**{**CHANGES, "simulation": NO_STOPS}))
     out = tmp_path / "out"
     runs = [
-        subprocess.Popen(command(str(file), "--out", str(out)), stdout=subprocess.PIPE, env=environment())
+        subprocess.Popen(
+            command(str(file), "--out", str(out)),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment(),
+        )
         for _ in range(2)
     ]
     for run in runs:
-        run.communicate(timeout=120)
-    assert [run.returncode for run in runs] == [0, 0]
+        said, complained = run.communicate(timeout=120)
+        assert (run.returncode, complained) == (0, "")
+        assert len(said.splitlines()) == 1
     assert recheck(out / "around_a_point").reasons == ()
     assert sorted(path.name for path in out.iterdir()) == ["around_a_point", "index.html"]
 
 
-@pytest.mark.parametrize("limit", [10_000, 300_000])  # bytes a file: no trajectory fits, some do
-def test_a_full_disk_leaves_the_earlier_result(tmp_path, limit):
+@pytest.mark.parametrize("fits", [False, True], ids=["no trajectory fits", "some do"])
+def test_a_full_disk_leaves_the_earlier_result(tmp_path, fits):
     earlier = copy_to(tmp_path)
-    earlier.rename(tmp_path / "warehouse")
+    sizes = [file.stat().st_size for file in (earlier / "trajectories").iterdir()]
+    limit = max(sizes) - 1 if fits else min(sizes) // 2
+    assert fits == (min(sizes) < limit)
+    file = tmp_path / "around.yaml"
+    file.write_bytes(scenario_bytes(**{**CHANGES, "simulation": NO_STOPS}))
     before = contents(tmp_path)
     run = subprocess.run(
-        command(str(WAREHOUSE), "--out", str(tmp_path)),
+        command(str(file), "--out", str(tmp_path)),
         capture_output=True,
         text=True,
         env=environment(),
@@ -218,7 +233,7 @@ def test_a_full_disk_leaves_the_earlier_result(tmp_path, limit):
     assert "an earlier result is as it was" in run.stderr
     assert "Traceback" not in run.stderr
     assert contents(tmp_path) == before
-    assert [path.name for path in tmp_path.iterdir()] == ["warehouse"]
+    assert {path.name for path in tmp_path.iterdir()} == {"around.yaml", "around_a_point"}
 
 
 def test_the_manifest_covers_all_evidence():
