@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -204,7 +205,8 @@ def judgement() -> Judgement:
 
 
 TRACKED = check("tracking", 0.1, trajectory="simulation")
-STOPS = Check(name="emergency_stops", trajectory="simulation", status="not_evaluated", message="none")
+STOPS = check("emergency_stops", 0.0, trajectory="simulation")
+SINGLE = check("tracking", 0.1, trajectory="single_track")
 
 
 @pytest.mark.parametrize(
@@ -230,9 +232,24 @@ def test_the_verdict_rule(executed, plans, checks, certified, verdict):
     assert bool(reasons) == (verdict == "failed")
 
 
-def test_no_verdict_without_tracking():
-    silent = Check(name="tracking", trajectory="simulation", status="not_evaluated", message="none")
-    assert _verdict(("refined",), "refined", [silent, STOPS], False)[0] == "failed"
+@pytest.mark.parametrize("silent", [TRACKED, STOPS, SINGLE])
+def test_no_verdict_without_a_check_that_is_asked_for(silent):
+    # The run, its emergency stops and, where it is asked for, the pre-screen.
+    others = [other for other in (TRACKED, STOPS, SINGLE) if other is not silent]
+    for status in ("not_evaluated", "failed"):
+        found = [replace(silent, status=status), *others]
+        assert _verdict(("refined",), "refined", found, False)[0] == "failed"
+    unwanted = replace(silent, status="not_evaluated", wanted=False)
+    assert _verdict(("refined",), "refined", [unwanted, *others], False)[0] == "refined"
+
+
+@pytest.mark.parametrize(("bad", "passed"), [(None, None), (0, True), (2, True), (3, False)])
+def test_the_gate_of_emergency_stops_counts_those_that_end_badly(bad, passed):
+    limits = {**LIMITS, "emergency_stops": 2.0}
+    found = gates(limits, (), {}, {}, [], None, bad_stops=bad, no_stops="nobody stopped")
+    gate = next(gate for gate in found if gate.name == "emergency_stops")
+    assert (gate.passed, gate.value) == (passed, bad)
+    assert ("nobody stopped" in gate.as_result().get("reason", "")) == (bad is None)
 
 
 def test_a_true_claim_agrees_also_after_rounding_noise():

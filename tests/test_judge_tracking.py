@@ -244,6 +244,58 @@ def test_lifting_the_inner_wheels_fails():
     assert "inner wheels lifted" in result.check.message
 
 
+def on_four_wheels(**columns: np.ndarray) -> Record:
+    """The perfect run with wheel loads, tilt and modes of a vehicle that keeps all wheels on the floor."""
+    driven = record(plan())
+    still = np.zeros(len(driven.t))
+    return replace(driven, **{"least_load": still + 0.5, "tilt": still, "mode": still, **columns})
+
+
+def four_wheels(driven: Record) -> Run:
+    return judge_run(driven, plan(), (35.0, 2.0), WHERE.surroundings, WHERE.limits, vehicle="four_wheel")
+
+
+@pytest.mark.parametrize(("rows", "status"), [(1, "passed"), (5, "passed"), (6, "failed"), (300, "failed")])
+def test_a_wheel_in_the_air_for_fifty_milliseconds_fails(rows: int, status: str):
+    # Six rows of 10 ms span 50 ms, five 40 ms.
+    load = np.full(len(record(plan()).t), 0.5)
+    load[1000 : 1000 + rows] = 0.0
+    result = four_wheels(on_four_wheels(least_load=load))
+    assert result.check.status == status
+    if status == "failed":
+        assert "a wheel was in the air for 0.05 s or longer, at t = 10.000 s" in result.check.message
+
+
+def test_the_acceleration_of_four_wheels_says_nothing_of_their_loads():
+    sway = np.full(len(record(plan()).t), 2.0 * WHERE.limits.tip)
+    assert four_wheels(on_four_wheels(lateral_acceleration=sway)).check.status == "passed"
+
+
+@pytest.mark.parametrize(
+    ("columns", "status"),
+    [
+        ({"mode": 3.0}, "failed"),
+        ({"mode": 2.0}, "passed"),
+        ({"tilt": math.radians(31.0)}, "failed"),
+        ({"tilt": -math.radians(31.0)}, "failed"),
+        ({"tilt": math.radians(29.0)}, "passed"),
+    ],
+)
+def test_a_vehicle_that_falls_fails(columns: dict[str, float], status: str):
+    t = record(plan()).t
+    late = {name: np.where(t > 20.0, value, 0.0) for name, value in columns.items()}
+    result = four_wheels(on_four_wheels(**late))
+    assert result.check.status == status
+    assert ("the vehicle fell, at t = 20.010 s" in result.check.message) == (status == "failed")
+
+
+def test_a_record_of_another_model_is_no_run_of_the_one_asked_for():
+    assert "where four_wheel was to drive" in four_wheels(record(plan())).check.message
+    result = run(plan(), on_four_wheels())
+    assert "a run of the model four_wheel, where single_track was to drive" in result.check.message
+    assert result.check.status == "failed"
+
+
 def test_a_vehicle_that_never_moves_is_judged_too():
     t = np.arange(0.0, 30.0, 0.05)
     still = Record(t, np.full(len(t), 5.0), np.full(len(t), 2.0), np.zeros(len(t)), np.zeros(len(t)))

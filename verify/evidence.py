@@ -25,6 +25,8 @@ REPORT = "report.html"
 TRAJECTORIES = "trajectories"
 EXECUTED = "trajectory.csv"
 SIMULATION = "simulation.csv"
+SIMULATION_SINGLE_TRACK = "simulation_single_track.csv"  # of the pre-screen, beside the four-wheel run
+STOPS = "stops.npz"
 CERTIFICATE = "certificate.npz"
 SCHEMA = 1  # of result.json
 MAX_NUMBER = 1e12  # in any SI unit: far beyond any motion, and its powers do not overflow
@@ -154,7 +156,8 @@ def sha256(data: bytes) -> str:
 def manifest(folder: Path) -> dict[str, str]:
     """SHA-256 of each evidence file that can be read, and of the report, by name."""
     found = {}
-    for name in sorted([SCENARIO, EXECUTED, SIMULATION, CERTIFICATE, REPORT, *trajectory_files(folder)]):
+    single = (SCENARIO, EXECUTED, SIMULATION, SIMULATION_SINGLE_TRACK, STOPS, CERTIFICATE, REPORT)
+    for name in sorted([*single, *trajectory_files(folder)]):
         try:
             found[name] = sha256(read_bytes(folder, name))
         except EvidenceError:

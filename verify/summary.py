@@ -7,11 +7,11 @@ from decimal import Decimal
 from typing import Any
 
 from verify.digits import as_given, beside, digits_beside, rounded, tells_side
-from verify.judge import Gate, Judgement
+from verify.judge import Gate, Judgement, stops_in_words
 
 
 def headline(judgement: Judgement) -> str:
-    """Verdict, times (that of the executed plan first), gaps, limits given on the command line: one line."""
+    """One line: verdict, times (of the executed plan first), gaps, emergency stops, limits given by hand."""
     parts = [f"{judgement.scenario}: {judgement.verdict}"]
     plans = ("refined", "speed_graph", "collocation", "vc_method", "voronoi_route", "dwa")
     names = sorted(plans, key=lambda name: name != judgement.executed)
@@ -22,6 +22,9 @@ def headline(judgement: Judgement) -> str:
     for name, words in named:
         if name in judgement.gaps:
             parts.append(f"{words} {_percent(judgement, name)} %")
+    stops = (judgement.simulation or {}).get("emergency_stops")
+    if stops is not None:
+        parts.append(stops_in_words(stops))
     given = limits_given(judgement)
     if given:
         parts.append(f"(gates overridden on the command line: {given})")

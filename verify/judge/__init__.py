@@ -8,6 +8,7 @@ from verify.judge.bound import Bound
 from verify.judge.compare import compare, compare_files, gate_overrides
 from verify.judge.finding import Check, Place
 from verify.judge.gates import GATE_NAMES, Gate
+from verify.judge.stops import in_words as stops_in_words
 from verify.judge.verdict import SAME_TIME, Findings, Judgement, decide, exactly, examine, judge
 
 __all__ = [
@@ -26,4 +27,5 @@ __all__ = [
     "examine",
     "gate_overrides",
     "judge",
+    "stops_in_words",
 ]

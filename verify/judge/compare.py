@@ -55,10 +55,24 @@ def compare(result: Mapping[str, Any], judgement: Judgement) -> tuple[str, ...]:
         for name in ("executed", "simulation", "lower_bound")
         if name in result and name not in expected
     ]
+    found += _simulation_claims(expected.get("simulation"), result.get("simulation"))
     found.sort(key=lambda reason: not _DECISIVE.match(reason))
     if len(found) > LISTED:
         found = [*found[:LISTED], f"and {len(found) - LISTED} more differences"]
     return tuple(found)
+
+
+def _simulation_claims(expected: Any, claimed: Any) -> list[str]:
+    """What a result says of emergency stops and of the pre-screen without evidence for it."""
+    if not isinstance(expected, Mapping) or not isinstance(claimed, Mapping):
+        return []  # told where the sections are compared
+    names = [name for name in ("emergency_stops", "single_track") if name in claimed and name not in expected]
+    found = [f"simulation.{name}: claimed, but there is no evidence for it" for name in names]
+    stops, told = expected.get("emergency_stops"), claimed.get("emergency_stops")
+    if isinstance(stops, Mapping) and isinstance(told, Mapping):
+        extra = sorted(set(map(str, told)) - set(stops))
+        found += [f"simulation.emergency_stops.{name}: claimed, but not found" for name in extra]
+    return found
 
 
 def _claimed_plan(result: Mapping[str, Any], name: str) -> Mapping[str, Any]:

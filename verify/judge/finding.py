@@ -40,6 +40,7 @@ class Check:
     violation: float | None = None
     at: Place | None = None
     promised: bool = True
+    wanted: bool = True  # a check whose stage the scenario does not ask for holds back no verdict
 
     @property
     def blocks(self) -> bool:

@@ -97,7 +97,9 @@ def gates(
     checks: Iterable[Check],
     result: str | None,
     *,
+    bad_stops: int | None = None,
     no_bound: str = "no lower bound was computed",
+    no_stops: str = "no emergency stops were recorded",
 ) -> tuple[Gate, ...]:
     """All six gates.
 
@@ -108,7 +110,8 @@ def gates(
     gap : as from `gaps`.
     checks : of all trajectories.
     result : the plan that is to be executed, None without one.
-    no_bound : why there is no certified gap, where there is none.
+    bad_stops : emergency stops that end badly, None without evidence.
+    no_bound, no_stops : why there is no certified gap and no such number, where there is none.
     """
     checks = tuple(checks)
     values: dict[str, float | None] = {
@@ -119,7 +122,7 @@ def gates(
         "braking_margin": next(
             (c.worst for c in checks if c.name == "braking_distance" and c.trajectory == result), None
         ),
-        "emergency_stops": None,
+        "emergency_stops": None if bad_stops is None else float(bad_stops),
     }
     reasons = {
         "analytic_gap": "not evaluated: no speed graph to compare with the collocation",
@@ -127,7 +130,7 @@ def gates(
         "certified_gap": f"not evaluated: {no_bound}",
         "constraint_violation": "not evaluated: there is no trajectory to execute",
         "braking_margin": "not evaluated: there is no trajectory to execute",
-        "emergency_stops": "not evaluated: no emergency stops were recorded",
+        "emergency_stops": f"not evaluated: {no_stops}",
     }
     return tuple(
         Gate(

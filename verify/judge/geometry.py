@@ -78,6 +78,45 @@ class Surroundings:
             np.minimum.at(gap, buried[which], -depth)
         return np.minimum(gap, self._circle_distance(p))
 
+    def along(self, points: ArrayLike, first: ArrayLike) -> tuple[Array, Array]:
+        """Least signed distance [m] along each of several polylines, and at each of their points.
+
+        Exact where a polyline stays outside of everything. Where it does not, the distance is that of its
+        deepest point, or 0 where it only crosses a side between two points.
+
+        Parameters
+        ----------
+        points : (m, 2) [m]; first : (n + 1,) indices, polyline i has the points first[i]:first[i + 1], >= 2.
+
+        Returns
+        -------
+        (n,), (m,)
+        """
+        p, begin = np.asarray(points, dtype=float), np.asarray(first, dtype=np.int64)
+        at_points = self.distance(p)
+        deepest = np.minimum.reduceat(at_points, begin[:-1])
+        owner = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
+        between = _nearest_to(self._tree, shapely.linestrings(p, indices=owner))
+        if len(self._circles):
+            piece = np.delete(np.arange(len(p)), begin[1:] - 1)  # from each point to the next of its polyline
+            gap = self._circle_distance_of_pieces(p[piece], p[piece + 1])
+            between = np.minimum(between, np.minimum.reduceat(gap, begin[:-1] - np.arange(len(begin) - 1)))
+        return np.minimum(between, deepest), at_points
+
+    def _circle_distance_of_pieces(self, start: Array, end: Array) -> Array:
+        """Least distance [m] of each straight piece from (k, 2) to (k, 2) to the circles; (k,)."""
+        gap = np.empty(len(start))
+        size = max(1, CHUNK // len(self._circles))
+        for low in range(0, len(start), size):
+            p, along = start[low : low + size, None, :], (end - start)[low : low + size, None, :]
+            to_centre = self._circles[None, :, :2] - p
+            square = np.sum(along * along, axis=2)
+            part = np.sum(to_centre * along, axis=2)
+            part = np.divide(part, square, out=np.zeros_like(part), where=square > 0.0)
+            off = to_centre - np.clip(part, 0.0, 1.0)[..., None] * along
+            gap[low : low + size] = (np.hypot(off[..., 0], off[..., 1]) - self._circles[:, 2]).min(axis=1)
+        return gap
+
     @staticmethod
     def _within(area: shapely.Geometry, points: Array) -> NDArray[np.bool_]:
         return np.asarray(shapely.contains_xy(area, points[:, 0], points[:, 1]))
@@ -104,9 +143,12 @@ def _sides(vertices: Array) -> NDArray[np.object_]:
 
 
 def _nearest(tree: shapely.STRtree, points: Array) -> Array:
-    if not len(points):
-        return np.empty(0)
-    found, gap = tree.query_nearest(shapely.points(points), all_matches=False, return_distance=True)
-    ordered = np.empty(len(points))
+    return _nearest_to(tree, np.asarray(shapely.points(points))) if len(points) else np.empty(0)
+
+
+def _nearest_to(tree: shapely.STRtree, shapes: NDArray[np.object_]) -> Array:
+    """Distance [m] of each of one or more shapes to the nearest in the tree; (n,)."""
+    found, gap = tree.query_nearest(shapes, all_matches=False, return_distance=True)
+    ordered = np.empty(len(shapes))
     ordered[found[0]] = gap
     return ordered

@@ -54,6 +54,11 @@ class Limits:
             margin=braking.margin,
         )
 
+    @property
+    def reserves_friction(self) -> bool:
+        """Whether full braking is to stay available in turns."""
+        return math.isfinite(self.reserve)
+
     def steering_angle(self, curvature: Array) -> Array:
         """Angle [rad] of the mean front wheel on a path of `curvature` [1/m] at the centre of mass.
 

@@ -19,7 +19,38 @@ from vnav_drake.scenario_faults import validate_spec
 from vnav_drake.scenario_file import ScenarioError, read_document
 
 MOST_OVERLAPS = 100_000  # pairs of polygons whose boxes meet: what uniting them may cost
+STOPS = {
+    "full": 200,
+    "quick": 50,
+}  # instants of the emergency-stop audit by plan.effort, where none are given
 ROUNDING = 1e-9  # relative, of mu g against a_b, and [m], of the wheels against the disc
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """What is to be simulated, defaults filled in."""
+
+    model: str  # single_track, four_wheel or both
+    stops: int  # instants of the emergency-stop audit; 0: none
+
+    @property
+    def vehicle(self) -> str:
+        """Model of the vehicle that drives the result and makes the stops."""
+        return "single_track" if self.model == "single_track" else "four_wheel"
+
+    @property
+    def prescreen(self) -> bool:
+        """Whether a single track drives the result, too."""
+        return self.model == "both"
+
+    @classmethod
+    def from_spec(cls, spec: Any) -> Drive:
+        """From a parsed scenario's raw settings; a point robot has no wheels to simulate."""
+        usual = "four_wheel" if spec.robot.radius > 0.0 else "single_track"
+        stops = spec.simulation.stops
+        return cls(
+            model=spec.simulation.model or usual, stops=STOPS[spec.plan.effort] if stops is None else stops
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +61,7 @@ class Question:
     sha256: str  # of the file, hexadecimal
     setting: Setting
     features: Features  # what stands in the way, side by side
+    drive: Drive
     gates: Mapping[str, float]  # all gates, defaults filled in
     named_gates: frozenset[str]  # those that the file names itself
     some_ways: bool  # plan.through asks for some ways only, which need not hold the fastest
@@ -54,6 +86,8 @@ def read_question(data: bytes) -> Question:
     except ScenarioError as error:
         raise EvidenceError(*str(error).splitlines()) from error
     wrong = [*_outline_faults(spec.world), *_robot_faults(spec.robot)]
+    if spec.robot.radius == 0.0 and spec.simulation.model not in (None, "single_track"):
+        wrong.append("simulation.model: a point robot has no four wheels")
     if wrong:
         raise EvidenceError(*(f"{evidence.SCENARIO}: {text}" for text in wrong))
     return Question(
@@ -61,6 +95,7 @@ def read_question(data: bytes) -> Question:
         sha256=evidence.sha256(data),
         setting=Setting.from_spec(spec),
         features=Features.from_spec(spec.world),
+        drive=Drive.from_spec(spec),
         gates={name: float(limit) for name, limit in spec.gates.model_dump().items()},
         named_gates=frozenset(spec.gates.model_fields_set),
         some_ways=bool(spec.plan.through),

@@ -14,8 +14,13 @@ from verify.judge.following import follow
 from verify.judge.geometry import Surroundings
 from verify.judge.limits import Limits
 from verify.judge.motion import Motion
+from verify.judge.wheels import FALLEN, LASTING, lifted
 
 Array = NDArray[np.float64]
+
+RECORD_COLUMNS = ("t", "x", "y", "heading", "v", "lateral_acceleration")
+WHEEL_COLUMNS = ("least_load", "tilt", "mode")  # of the four-wheel model, all three
+FELL = 3.0  # mode of a vehicle that has fallen
 
 # A tracking controller at 0.70 to 0.95 of the friction limit stays within 20 mm of its path, and within
 # 50 mm at the full steering angle; a vehicle that slides leaves it by metres. Where the curvature of a plan
@@ -43,6 +48,16 @@ class Record:
     heading: Array  # (n,) [rad]
     v: Array  # (n,) [m/s]
     lateral_acceleration: Array | None = None  # (n,) [m/s^2], of the body; without it no wheel is judged
+    # Of the four-wheel model, else None:
+    least_load: Array | None = None  # (n,) least wheel load over its share at rest
+    tilt: Array | None = None  # (n,) [rad], of the body's axis from the plumb line
+    mode: Array | None = None  # (n,) 0 tracks, 1 emergency stop, 2 stopped, 3 fallen
+
+    @property
+    def vehicle(self) -> str:
+        """The model that such a record is of."""
+        wheels = (self.least_load, self.tilt, self.mode)
+        return "single_track" if all(column is None for column in wheels) else "four_wheel"
 
 
 @dataclass(frozen=True)
@@ -55,9 +70,19 @@ class Run:
 
 
 def judge_run(
-    record: Record, motion: Motion, goal: tuple[float, float], surroundings: Surroundings, limits: Limits
+    record: Record,
+    motion: Motion,
+    goal: tuple[float, float],
+    surroundings: Surroundings,
+    limits: Limits,
+    *,
+    vehicle: str = "single_track",
+    name: str = "simulation",
 ) -> Run:
-    """Compare a recorded run with the trajectory `motion` it was to follow.
+    """Compare a recorded run of a `vehicle` with the trajectory `motion` it was to follow.
+
+    `name` is the check's trajectory. Four wheels are off the floor when their loads say so; of a single track
+    the lateral acceleration says that the inner ones would be.
 
     At every sample up to the end of the planned motion the vehicle must be near the planned path, and
     near in time to when the plan passes that place; how far it is from the place planned for the same
@@ -86,8 +111,6 @@ def judge_run(
     jump = _jump(record)
     gap = np.diff(record.t)
     coarse = int(np.argmax(gap))
-    sway = np.zeros(1) if record.lateral_acceleration is None else np.abs(record.lateral_acceleration)
-    lifted = int(np.argmax(sway))
     faults = [
         (gap[coarse] > SAMPLING_LIMIT, coarse, f"no sample for {gap[coarse]:.3f} s"),
         (jump is not None, jump or 0, "the record jumps further than its speed explains"),
@@ -95,7 +118,7 @@ def judge_run(
         (behind[slowest] > allowed, slowest, f"{behind[slowest]:.3f} s behind schedule"),
         (lead > AHEAD_LIMIT, fastest, f"{lead:.4f} m ahead of schedule"),
         (to_goal.min() > GOAL_LIMIT, arrival, f"came no closer to the goal than {to_goal.min():.4f} m"),
-        (sway[lifted] > limits.tip, lifted, f"inner wheels lifted at {sway[lifted]:.3f} m/s^2"),
+        *_off_the_floor(record, vehicle, limits),
         (
             abs(time - motion.travel_time) > allowed,
             arrival,
@@ -103,6 +126,7 @@ def judge_run(
         ),
     ]
     figures = {
+        "model": record.vehicle,
         "travel_time": time,
         "max_tracking_error": float(error.max()),
         "max_lateral_error": across,
@@ -119,7 +143,7 @@ def judge_run(
     row = broken[0][1] if broken else sideways
     check = Check(
         name="tracking",
-        trajectory="simulation",
+        trajectory=name,
         status="failed" if broken else "passed",
         message=text or fine,
         worst=LATERAL_LIMIT - across,
@@ -154,6 +178,29 @@ def _polyline(record: Record) -> Motion:
     return Motion(clock, x, y, heading, one, zero, zero, zero)
 
 
+def _off_the_floor(record: Record, vehicle: str, limits: Limits) -> list[tuple[bool, int, str]]:
+    """Whether wheels were in the air, or the vehicle fell: fault, row, words."""
+    if record.vehicle != vehicle:
+        return [(True, 0, f"a run of the model {record.vehicle}, where {vehicle} was to drive")]
+    if record.least_load is not None and record.tilt is not None and record.mode is not None:
+        airborne = lifted(record.least_load, record.t, np.array([0, len(record.t)]))
+        fallen = (record.mode >= FELL) | (np.abs(record.tilt) > FALLEN)
+        return [
+            (
+                bool(airborne.any()),
+                int(np.argmax(airborne)),
+                f"a wheel was in the air for {LASTING} s or longer",
+            ),
+            (bool(fallen.any()), int(np.argmax(fallen)), "the vehicle fell"),
+        ]
+    sway = np.zeros(1) if record.lateral_acceleration is None else np.abs(record.lateral_acceleration)
+    most = int(np.argmax(sway))
+    return [(bool(sway[most] > limits.tip), most, f"inner wheels lifted at {sway[most]:.3f} m/s^2")]
+
+
 def record_from_columns(columns: dict[str, Array]) -> Record:
-    """From the columns of simulation.csv; further columns are not judged."""
-    return Record(*(columns[name] for name in ("t", "x", "y", "heading", "v", "lateral_acceleration")))
+    """From the columns of simulation.csv, those of wheels where they are; others are not judged."""
+    return Record(
+        *(columns[name] for name in RECORD_COLUMNS),
+        **{name: columns[name] for name in WHEEL_COLUMNS if name in columns},
+    )

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from verify import evidence
-from verify.evidence import MODEL_OF_PLAN, EvidenceError
+from verify.evidence import MODEL_OF_PLAN
 from verify.judge.bound import NAME as LOWER_BOUND
 from verify.judge.bound import Bound, judge_bound
 from verify.judge.certificate import CertificateFile, Proof, check_certificate, read_certificate
@@ -17,20 +17,19 @@ from verify.judge.checks import Setting, check_motion, reaches
 from verify.judge.ends import end_cost, straight_time
 from verify.judge.finding import Check
 from verify.judge.gates import Gate, Times, gaps, gates
-from verify.judge.motion import COLUMNS, Motion
+from verify.judge.motion import Motion
 from verify.judge.question import Question, read_question
-from verify.judge.tracking import judge_run, record_from_columns
+from verify.judge.reading import PRESCREEN, read_executed, read_motions, read_simulation
+from verify.judge.stops import NAME as STOPS
+from verify.judge.stops import Stops, stops_check, why_no_stops
 
 Verdict = Literal["certified", "refined", "failed"]
 
-RECORD_COLUMNS = ("t", "x", "y", "heading", "v", "lateral_acceleration")
 # Relative. Rows of both are slowed by 1e-6 and by what proves their clearance between samples, up to 1e-5
 # in all: a motion that is faster by less than that is not faster.
 SAME_TIME = 1e-5
 # A run of these may end elsewhere than at the goal: then it has no travel time.
 MAY_GET_STUCK = frozenset({"dwa"})
-# Checks whose stage this version does not have: they are never passed, and hold back no verdict.
-ABSENT_STAGES = frozenset({"emergency_stops"})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,9 +61,11 @@ class Judgement:
 
     @property
     def unfinished_gates(self) -> tuple[Gate, ...]:
-        """Unmet gates whose stage gave nothing to judge: not that of a certificate that was refused."""
-        refused = self.bound is not None and self.bound.travel_time is None
-        return tuple(g for g in self.unmet_gates if not (refused and g.name == "certified_gap"))
+        """Unmet gates whose stage gave nothing to judge: not that of refused evidence."""
+        refused = {check.name for check in self.checks if check.name == STOPS and check.blocks}
+        if self.bound is not None and self.bound.travel_time is None:
+            refused.add("certified_gap")
+        return tuple(gate for gate in self.unmet_gates if gate.name not in refused)
 
     @property
     def failing_checks(self) -> tuple[Check, ...]:
@@ -108,10 +109,11 @@ class Findings:
     motions: Mapping[str, Motion]  # by plan, in the order of the plans
     executed: str | None
     same: frozenset[str]  # plans that trajectory.csv is a copy of: more than one where they are identical
-    checks: tuple[Check, ...]
+    checks: tuple[Check, ...]  # all but that of the emergency stops, which needs the limit of its gate
     simulation: Mapping[str, Any] | None
     gaps: Mapping[str, float]
     end_cost: float  # E [s]
+    stops: Stops | None = None
     certificate: CertificateFile | None = None
     bound: Bound | None = None
 
@@ -138,15 +140,15 @@ def examine(folder: Path) -> Findings:
     """
     question = read_question(evidence.read_bytes(folder, evidence.SCENARIO))
     setting = question.setting
-    motions = _motions(folder)
-    same = _executed(folder, motions)
+    motions = read_motions(folder)
+    same = read_executed(folder, motions)
     executed = same[0] if same else None
     certificate = read_certificate(folder)
     checks: list[Check] = []
     for name, motion in motions.items():
         checks += check_motion(motion, name, MODEL_OF_PLAN[name], setting)
-    simulation, tracking = _simulation(folder, motions.get(executed or ""), setting)
-    checks += [tracking, _emergency_stops()]
+    simulated = read_simulation(folder, motions.get(executed or ""), question)
+    checks += simulated.checks
     proof = None if certificate is None else check_certificate(certificate, question)
     findings = Findings(
         question=question,
@@ -154,7 +156,8 @@ def examine(folder: Path) -> Findings:
         executed=executed,
         same=frozenset(same),
         checks=tuple(checks),
-        simulation=simulation,
+        simulation=simulated.figures,
+        stops=simulated.stops,
         gaps={},
         end_cost=0.0,
         certificate=certificate,
@@ -184,9 +187,21 @@ def _with_proof(findings: Findings, proof: Proof | None) -> Findings:
 
 def decide(findings: Findings, overrides: Mapping[str, float]) -> Judgement:
     """Gates and verdict under the scenario's limits; `overrides` take precedence over them."""
-    asked, checks = findings.question, findings.checks
+    asked = findings.question
+    limit = float({**asked.gates, **overrides}[STOPS])
+    checks = (*findings.checks, stops_check(asked.drive, findings.stops, limit))
     gap, no_bound = _gaps_to_limit(findings, overrides)
-    gate = gates(asked.gates, asked.named_gates, overrides, gap, checks, findings.executed, no_bound=no_bound)
+    gate = gates(
+        asked.gates,
+        asked.named_gates,
+        overrides,
+        gap,
+        checks,
+        findings.executed,
+        bad_stops=None if findings.stops is None else findings.stops.bad,
+        no_bound=no_bound,
+        no_stops=why_no_stops(asked.drive, findings.stops),
+    )
     lower = None if findings.bound is None else findings.bound.travel_time
     times = {name: motion.travel_time for name, motion in findings.motions.items()}
     certified = _nothing_to_refine(times, _sound(findings.motions, checks, asked.setting), lower, gate)
@@ -223,64 +238,6 @@ def _gaps_to_limit(findings: Findings, overrides: Mapping[str, float]) -> tuple[
         limited = {k: v for k, v in gap.items() if k != "certified" or v <= asked.gates["certified_gap"]}
         return limited, "the lower bound is over all ways, and plan.through asks for some of them"
     return gap, "no plan to compare the lower bound with"
-
-
-def _motions(folder: Path) -> dict[str, Motion]:
-    """All trajectories by plan, in the order of the plans."""
-    names = [Path(file).stem for file in evidence.trajectory_files(folder)]
-    unknown = [name for name in names if name not in MODEL_OF_PLAN]
-    reasons = [f"{evidence.TRAJECTORIES}/{name}.csv: not a plan known here" for name in unknown]
-    motions = {}
-    for name in MODEL_OF_PLAN:
-        if name in names:
-            try:
-                motions[name] = _motion(folder, f"{evidence.TRAJECTORIES}/{name}.csv")
-            except EvidenceError as error:
-                reasons += error.reasons
-    if reasons:
-        raise EvidenceError(*reasons)
-    return motions
-
-
-def _motion(folder: Path, file: str) -> Motion:
-    columns = evidence.read_table(folder, file, COLUMNS, exact=True)
-    return Motion(*(columns[name] for name in COLUMNS))
-
-
-def _executed(folder: Path, motions: Mapping[str, Motion]) -> list[str]:
-    """The plans that trajectory.csv is a copy of, byte for byte; empty when there is nothing to execute."""
-    if not (folder / evidence.EXECUTED).exists():
-        return []
-    wanted = evidence.read_bytes(folder, evidence.EXECUTED)
-    same = [
-        name
-        for name in reversed(tuple(motions))  # the full model's before the others
-        if evidence.read_bytes(folder, f"{evidence.TRAJECTORIES}/{name}.csv") == wanted
-    ]
-    if not same:
-        raise EvidenceError(f"{evidence.EXECUTED}: differs from every plan in {evidence.TRAJECTORIES}/")
-    return same
-
-
-def _simulation(folder: Path, motion: Motion | None, setting: Setting) -> tuple[dict[str, Any] | None, Check]:
-    if not (folder / evidence.SIMULATION).exists():
-        return None, _not_evaluated("tracking", "no simulation was recorded")
-    columns = evidence.read_table(folder, evidence.SIMULATION, RECORD_COLUMNS, exact=False)
-    if motion is None:
-        return None, _not_evaluated("tracking", f"there is no {evidence.EXECUTED} to compare the run with")
-    record = record_from_columns(columns)
-    if (record.t[1:] <= record.t[:-1]).any() or abs(record.t[0]) > 1e-9:
-        raise EvidenceError(f"{evidence.SIMULATION}: times must increase from zero")
-    run = judge_run(record, motion, setting.goal.position, setting.surroundings, setting.limits)
-    return run.figures, run.check
-
-
-def _emergency_stops() -> Check:
-    return _not_evaluated("emergency_stops", "no emergency stops were recorded")
-
-
-def _not_evaluated(name: str, message: str) -> Check:
-    return Check(name=name, trajectory="simulation", status="not_evaluated", message=message)
 
 
 def _sound(motions: Mapping[str, Motion], checks: Sequence[Check], setting: Setting) -> dict[str, Motion]:
@@ -357,7 +314,7 @@ def _verdict(
     certified: the variational optimum (speed graph, else collocation) satisfies every limit of the
     full robot, ends included, is the one to execute, and is `_nothing_to_refine`.
     refined: the one to execute is the collocation of the full model. Both need all checks of the
-    executed trajectory and of its simulation passed; a check whose stage this version does not have
+    executed trajectory and of its simulation passed; a check that the scenario does not ask for
     is not counted. failed: no trajectory passed all checks.
     """
     if executed is None:
@@ -365,9 +322,9 @@ def _verdict(
     reasons = [
         f"{check.name}: {check.message}"
         for check in checks
-        if check.trajectory in (executed, "simulation")
+        if check.trajectory in (executed, "simulation", PRESCREEN)
         and check.status != "passed"
-        and check.name not in ABSENT_STAGES
+        and check.wanted
     ]
     optimum = _optimum(plans)
     if executed == optimum and not certified:
