@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from systems.single_track import STEERING_TIME_CONSTANT, Body, State
+from systems.schedule import Demand, moving_average, paced
+from systems.single_track import STEERING_TIME_CONSTANT, Body
 from systems.tyre import (
     CORNERING_STIFFNESS,
     SLIP_REGULARISATION,
@@ -34,10 +34,6 @@ Array = NDArray[np.float64]
 FRICTION_USED = (
     0.98  # of the friction circle that feed-forward may ask for: beyond, the inverse tyre law is flat
 )
-BEND_FRICTION = 0.96  # of the friction circle in bends: beyond, the schedule slows down
-BEND_SHARE = 0.2  # of the friction, taken sideways: that is a bend
-PACE_CHANGE = 0.3  # [s], over which the schedule changes its rate
-SLOWEST_PACE = 0.5  # whatever the plan
 YAW_FRICTION = 0.5  # share of the friction that turning the body (not the path) may take
 SHORTEST_SMOOTHING = 0.06  # [s], of curvature: two time constants of the steering servo
 LONGEST_SMOOTHING = 0.8  # [s]
@@ -49,42 +45,12 @@ PASSES = 4  # of the fixed point between drive force and steering angle, each ga
 
 
 @dataclass(frozen=True, kw_only=True)
-class Demand:
-    """A trajectory sampled every `period` seconds, with what the vehicle must do there; arrays (n,)."""
+class SlippingDemand(Demand):
+    """A `Demand` of tyres that slip."""
 
-    period: float  # [s]
-    duration: float  # [s], of the schedule: the travel time, longer where a bend takes all the friction
-    arc_length: Array  # [m]
-    speed: Array  # [m/s], of the centre of mass along the path
-    course: Array  # [rad], direction of travel, unwrapped
-    heading: Array  # [rad], of the body
-    lateral_velocity: Array  # [m/s], in the body's frame
-    yaw_rate: Array  # [rad/s]
-    steering: Array  # [rad]
-    steering_command: Array  # [rad], leads `steering` by the lag of the servo
-    force: Array  # [N], drive force
     front_stiffness: Array  # [N/(m/s)], lateral force lost per lateral velocity of the axle
     rear_stiffness: Array  # [N/(m/s)]
     steering_stiffness: Array  # [N/rad], lateral force gained per steering angle
-
-    def state(self, trajectory: Trajectory) -> State:
-        """State of a vehicle that is exactly on the first row."""
-        slip_angle = self.course[0] - self.heading[0]
-        return State(
-            float(trajectory.x[0]),
-            float(trajectory.y[0]),
-            float(self.heading[0]),
-            float(trajectory.v[0] * math.cos(slip_angle)),
-            float(trajectory.v[0] * math.sin(slip_angle)),
-            float(self.yaw_rate[0]),
-            float(self.steering[0]),
-        )
-
-
-def _moving_average(values: Array, half: int) -> Array:
-    padded = np.concatenate([np.full(half, values[0]), values, np.full(half, values[-1])])
-    total = np.concatenate([[0.0], np.cumsum(padded)])
-    return (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
 
 
 def _body_motion(body: Body, v: Array, a: Array, kappa: Array, period: float) -> tuple[Array, Array]:
@@ -120,30 +86,7 @@ def _body_motion(body: Body, v: Array, a: Array, kappa: Array, period: float) ->
     return np.array(betas), np.array(rates)
 
 
-def _paced(trajectory: Trajectory, friction: float, period: float) -> tuple[Array, Array, float]:
-    """Times of the trajectory [s] at which a schedule samples it, its rate there, and its duration [s].
-
-    The rate is 1 except around bends that take more than `BEND_FRICTION` of the friction: at a rate p speeds
-    are p times and accelerations p^2 times the planned ones, which leaves something to correct with.
-    """
-    count = max(math.ceil(trajectory.travel_time / period - 1e-9), 1) + 1
-    t = np.minimum(trajectory.t[0] + period * np.arange(count), trajectory.t[-1])
-    _, _, _, v, a, curvature = trajectory.at(t)
-    side = v * v * np.abs(curvature)
-    used = np.where(side > BEND_SHARE * friction, np.hypot(a, side) / friction, 0.0)
-    slow = 1.0 - np.minimum(np.sqrt(BEND_FRICTION / np.maximum(used, BEND_FRICTION)), 1.0)
-    if not slow.any():
-        return t, np.ones(count), trajectory.travel_time
-    size = 2 * round(0.5 * PACE_CHANGE / period) + 1
-    slow = uniform_filter1d(maximum_filter1d(slow, size, mode="nearest"), size, mode="nearest")
-    rate = 1.0 - np.minimum(slow, 1.0 - SLOWEST_PACE)
-    clock = np.concatenate([[0.0], np.cumsum(np.diff(t) * 0.5 * (1.0 / rate[1:] + 1.0 / rate[:-1]))])
-    duration = float(clock[-1])
-    grid = np.minimum(period * np.arange(max(math.ceil(duration / period - 1e-9), 1) + 1), duration)
-    return np.interp(grid, clock, t), np.interp(grid, clock, rate), duration
-
-
-def demand(body: Body, trajectory: Trajectory, period: float) -> Demand:
+def demand(body: Body, trajectory: Trajectory, period: float) -> SlippingDemand:
     """Sample a trajectory every `period` [s] and invert the vehicle along it.
 
     Curvature is averaged over the shortest time window (symmetric, so without delay) with which the steering
@@ -160,16 +103,10 @@ def demand(body: Body, trajectory: Trajectory, period: float) -> Demand:
         width *= 1.4
 
 
-def _demand(body: Body, trajectory: Trajectory, period: float, width: float) -> Demand:
-    time, pace, duration = _paced(trajectory, body.friction * GRAVITY, period)
-    count = len(time)
-    _, _, course, v, _, curvature = trajectory.at(time)
-    row = np.clip(np.searchsorted(trajectory.t, time, side="right") - 1, 0, len(trajectory.t) - 2)
-    s = trajectory.arc_length[row] + 0.5 * (trajectory.v[row] + v) * (time - trajectory.t[row])
-    v = pace * np.maximum(v, 0.0)
-    a = np.append(np.diff(v), 0.0) / period  # mean over the sample, as the command is held
-    a[-2:] = trajectory.a[-1]
-    kappa = _moving_average(curvature, max(round(0.5 * width / period), 1))
+def _demand(body: Body, trajectory: Trajectory, period: float, width: float) -> SlippingDemand:
+    samples = paced(trajectory, body.friction * GRAVITY, period)
+    v, a, course, count = samples.speed, samples.acceleration, samples.course, len(samples.speed)
+    kappa = moving_average(samples.curvature, max(round(0.5 * width / period), 1))
 
     b, mu, h, weight = body.half_base, body.friction, body.com_height, body.mass * GRAVITY
     beta, turn = _body_motion(body, v, a, kappa, period)
@@ -197,10 +134,10 @@ def _demand(body: Body, trajectory: Trajectory, period: float, width: float) -> 
     slip_r = -brush_slip(np.clip(body_r, -room, room), mu)
     softest = SOFTEST * CORNERING_STIFFNESS
     front = weight * share_f * np.maximum(brush_slope(slip_f, mu), softest) / rolling
-    return Demand(
+    return SlippingDemand(
         period=period,
-        duration=duration,
-        arc_length=s,
+        duration=samples.duration,
+        arc_length=samples.arc_length,
         speed=v,
         course=course,
         heading=course - beta,

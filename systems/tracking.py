@@ -1,7 +1,8 @@
 """Following a trajectory: where the vehicle should be, and what it must do to get there.
 
-Lateral: discrete linear-quadratic regulator along the trajectory, finite horizon, on the errors relative
-to the path. Longitudinal: feed-forward force with proportional feedback of position and speed along the path.
+Lateral: feed-forward with a finite-horizon linear-quadratic regulator along the trajectory (`systems.gains`),
+on the errors relative to the path. Longitudinal: feed-forward force with proportional feedback of position
+and speed along the path.
 """
 
 from __future__ import annotations
@@ -15,21 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from systems.feedforward import Demand, demand
-from systems.single_track import STEERING_TIME_CONSTANT, Body, State
-from systems.tyre import SLIP_REGULARISATION, full_slide, rolling_speed
+from systems.schedule import Demand
+from systems.single_track import Body, State
+from systems.tyre import SLIP_REGULARISATION, rolling_speed
 from vnav_drake.plan import Trajectory
 from vnav_drake.robot import GRAVITY, Robot
 
 Array = NDArray[np.float64]
-
-CONTROL_PERIOD = 5e-3  # [s]
-
-# Bryson's rule: weights are one over the square of what is acceptable
-LATERAL_SCALE = 0.1  # [m]
-COURSE_SCALE = 0.1  # [rad]
-YAW_RATE_SCALE = 2.0  # [rad/s]
-STEERING_SCALE = 0.1  # [rad]
 
 POSITION_GAIN = 9.0  # [1/s^2], along the path: errors decay like exp(-3 t), critically damped
 SPEED_GAIN = 6.0  # [1/s]
@@ -37,8 +30,6 @@ STOPPING_GAIN = 20.0  # [1/s], of speed once the motion has ended at rest: the b
 AT_GOAL = 0.02  # [m], the brakes are put on within this distance
 LAG_ALLOWED = 0.02  # [m], behind schedule before the schedule waits
 LAG_WAITING = 0.10  # [m], more than that: it stands
-FRONT_SLIP = 1.5  # of the slip at which a tyre slides, allowed at the front:
-# more gives no more force, but the servo needs a little to get there in time
 LEAST_BRAKING_SHARE = 0.3  # of the friction that braking may take in a bend however hard the bend
 
 
@@ -58,50 +49,6 @@ class Target(NamedTuple):
     arc_length: float  # [m], of the point of the path beside the vehicle
 
 
-def lateral_gains(body: Body, wanted: Demand) -> Array:
-    """Gains (n, 5) of the steering command on (e, heading, lateral velocity, yaw rate, steering) errors.
-
-    Linearised about the demand with e the distance left of the path:
-    e' = w + v psi, psi' = r - v kappa^2 e, m w' = -C_f (w + b r) - C_r (w - b r) + C_d delta - m v r,
-    m k^2 r' = b (-C_f (w + b r) + C_r (w - b r) + C_d delta), delta' = (command - delta) / tau.
-    Discretised by the trapezoidal rule, which is stable for the stiff tyres at low speed; Riccati recursion
-    backwards from the last sample.
-    """
-    n, h = len(wanted.speed), wanted.period
-    v, b, m = wanted.speed, body.half_base, body.mass
-    c_f, c_r, c_d = wanted.front_stiffness, wanted.rear_stiffness, wanted.steering_stiffness
-    curvature = np.where(v > 0.05, wanted.yaw_rate / np.maximum(v, 0.05), 0.0)
-    inertia = m * body.gyration_squared
-    a = np.zeros((n, 5, 5))
-    a[:, 0, 1], a[:, 0, 2] = v, 1.0
-    a[:, 1, 0], a[:, 1, 3] = -v * curvature**2, 1.0
-    a[:, 2, 2], a[:, 2, 3], a[:, 2, 4] = -(c_f + c_r) / m, b * (c_r - c_f) / m - v, c_d / m
-    a[:, 3, 2], a[:, 3, 3] = b * (c_r - c_f) / inertia, -b * b * (c_f + c_r) / inertia
-    a[:, 3, 4] = b * c_d / inertia
-    a[:, 4, 4] = -1.0 / STEERING_TIME_CONSTANT
-    input_gain = np.zeros((n, 5, 1))
-    input_gain[:, 4, 0] = 1.0 / STEERING_TIME_CONSTANT
-    half = np.eye(5) - 0.5 * h * a
-    step = np.linalg.solve(half, np.eye(5) + 0.5 * h * a)
-    kick = np.linalg.solve(half, h * input_gain)[:, :, 0]
-    # course error = psi + w / v
-    course = np.zeros((n, 5))
-    course[:, 1], course[:, 2] = 1.0, 1.0 / np.maximum(v, 0.3)
-    cost = course[:, :, None] * course[:, None, :] / COURSE_SCALE**2
-    cost[:, 0, 0] += 1.0 / LATERAL_SCALE**2
-    cost[:, 3, 3] += 1.0 / YAW_RATE_SCALE**2
-    effort = 1.0 / STEERING_SCALE**2
-    gains = np.zeros((n, 5))
-    value = cost[-1].copy()
-    for k in range(n - 1, -1, -1):
-        pull = kick[k] @ value
-        gains[k] = (pull @ step[k]) / (effort + pull @ kick[k])
-        closed = step[k] - np.outer(kick[k], gains[k])
-        value = cost[k] + step[k].T @ value @ closed
-        value = 0.5 * (value + value.T)
-    return gains
-
-
 @dataclass(frozen=True)
 class _Row:
     """A trajectory as plain lists, for scalar look-ups."""
@@ -118,7 +65,7 @@ class TrajectorySource(LeafSystem):  # type: ignore[misc]
 
     The schedule runs in real time while the vehicle is less than `LAG_ALLOWED` behind it and slows down
     beyond: a plan at its limits leaves nothing to catch up with. The discrete state is (schedule time [s]
-    since the first row, arc length [m] beside the vehicle), updated every `CONTROL_PERIOD`.
+    since the first row, arc length [m] beside the vehicle), updated every period of the demand.
 
     Input port
         `state` (7): `State` of the vehicle.
@@ -138,7 +85,7 @@ class TrajectorySource(LeafSystem):  # type: ignore[misc]
         self.DeclareDiscreteState(2)
         self.DeclareVectorInputPort("state", len(State._fields))
         self.DeclareVectorOutputPort("target", len(Target._fields), self._target)
-        self.DeclarePeriodicDiscreteUpdateEvent(CONTROL_PERIOD, 0.0, self._advance)
+        self.DeclarePeriodicDiscreteUpdateEvent(wanted.period, 0.0, self._advance)
 
     def _beside(self, arc_length: float, x: float, y: float) -> tuple[float, float, float, float]:
         """Foot of the vehicle on the path: arc length, x, y, course; two Newton steps from the last foot."""
@@ -203,14 +150,14 @@ class TrajectorySource(LeafSystem):  # type: ignore[misc]
     def _advance(self, context: Context, values: DiscreteValues) -> None:
         time = float(context.get_discrete_state_vector().GetAtIndex(0))
         target = Target(*self.get_output_port().Eval(context).tolist())
-        time = min(time + self._pace(target.lag) * CONTROL_PERIOD, self._duration)
+        time = min(time + self._pace(target.lag) * self._period, self._duration)
         values.get_mutable_vector().SetFromVector([time, target.arc_length])
 
 
 class TrackingController(LeafSystem):  # type: ignore[misc]
     """Steering and drive force that keep the vehicle on its target.
 
-    The command is the discrete state, updated every `CONTROL_PERIOD` and held between.
+    Nothing is remembered here: whoever reads the command holds it.
 
     Input ports
         `state` (7): `State` of the vehicle; `target` (11): `Target`.
@@ -218,11 +165,14 @@ class TrackingController(LeafSystem):  # type: ignore[misc]
         `command` (2): steering angle [rad], drive force [N].
     """
 
-    def __init__(self, robot: Robot, wanted: Demand, *, rest_end: bool) -> None:
+    def __init__(
+        self, robot: Robot, wanted: Demand, gains: Array, *, front_slip: float, rest_end: bool
+    ) -> None:
+        """`gains` (n, 5): see `systems.gains`; `front_slip`: tangent of the slip angle allowed in front."""
         super().__init__()
         self._body = Body.of(robot)
-        self._rest_end = rest_end
-        self._gains = lateral_gains(self._body, wanted).tolist()
+        self._rest_end, self._front_slip = rest_end, front_slip
+        self._gains = gains.tolist()
         columns = (
             wanted.course - wanted.heading,
             wanted.lateral_velocity,
@@ -232,16 +182,14 @@ class TrackingController(LeafSystem):  # type: ignore[misc]
             wanted.speed,
         )
         self._table = np.column_stack(columns).tolist()
-        index = self.DeclareDiscreteState([float(wanted.steering[0]), 0.0])
         self.DeclareVectorInputPort("state", len(State._fields))
         self.DeclareVectorInputPort("target", len(Target._fields))
-        self.DeclareStateOutputPort("command", index)
-        self.DeclarePeriodicDiscreteUpdateEvent(CONTROL_PERIOD, 0.0, self._update)
+        self.DeclareVectorOutputPort("command", 2, self._command)
 
-    def _update(self, context: Context, values: DiscreteValues) -> None:
+    def _command(self, context: Context, output: BasicVector) -> None:
         state = State(*self.get_input_port(0).Eval(context).tolist())
         target = Target(*self.get_input_port(1).Eval(context).tolist())
-        values.get_mutable_vector().SetFromVector([self._steering(state, target), self._force(state, target)])
+        output.SetFromVector([self._steering(state, target), self._force(state, target)])
 
     def _steering(self, state: State, target: Target) -> float:
         k = min(int(target.row), len(self._table) - 2)
@@ -267,7 +215,7 @@ class TrackingController(LeafSystem):  # type: ignore[misc]
         """The steering angle nearest to `angle` at which the front tyre does not slide more than it must."""
         forward = max(state.longitudinal_velocity, SLIP_REGULARISATION)
         moving = math.atan((state.lateral_velocity + self._body.half_base * state.yaw_rate) / forward)
-        most = math.atan(FRONT_SLIP * full_slide(self._body.friction) * rolling_speed(forward) / forward)
+        most = math.atan(self._front_slip * rolling_speed(forward) / forward)
         return min(max(angle, moving - most), moving + most)
 
     def _force(self, state: State, target: Target) -> float:
@@ -292,8 +240,3 @@ class TrackingController(LeafSystem):  # type: ignore[misc]
         room = whole * math.sqrt(1.0 - side * side)
         force = max(force, -max(room, LEAST_BRAKING_SHARE * whole), body.min_force)
         return min(force, room, body.max_force)
-
-
-def sampled(robot: Robot, trajectory: Trajectory) -> Demand:
-    """The demand of a trajectory on a robot at the rate of the controller."""
-    return demand(Body.of(robot), trajectory, CONTROL_PERIOD)
