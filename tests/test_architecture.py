@@ -22,7 +22,7 @@ METHODS = ("voronoi_route", "collocation", "speed_graph", "vc_method", "dwa", "l
 # The judge recomputes everything: from the package it may only know how the text of a scenario file
 # becomes raw numbers. `test_judge_independence` says the same of what is loaded at run time.
 JUDGE_MAY_IMPORT = ("vnav_drake.scenario_file*", "vnav_drake.scenario_faults*")
-DRAKE_USERS = ("vnav_drake.collocation*", "vnav_drake.lower_bound*", "systems*")
+DRAKE_USERS = ("vnav_drake.collocation*", "vnav_drake.lower_bound*", "systems*", "verify.replay*")
 MATPLOTLIB_USERS = ("verify.report*",)
 
 

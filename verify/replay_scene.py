@@ -83,10 +83,10 @@ def build_world(meshcat: Meshcat, problem: Problem) -> None:
     corners = np.concatenate([ground.reshape(-1, 3), ground.reshape(-1, 3) + np.array([0.0, 0.0, rise])])
     target = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=math.degrees(FIELD), near=1e-3 * size, far=20.0 * size))
-    meshcat.SetCameraPose(_eye(corners, target), target)
+    meshcat.SetCameraPose(eye(corners, target), target)
 
 
-def _eye(points: Array, target: Array) -> Array:
+def eye(points: Array, target: Array) -> Array:
     """Where (3,) [m] an onlooker sees all `points` (n, 3) [m] in a window of `ASPECT`, looking at `target`.
 
     Derived: a point that lies a to the right, b up and c towards the onlooker is in the picture when |a| and

@@ -68,7 +68,9 @@
     if (document.activeElement !== slider || animator.playing) slider.value = String(t);
     const row = Math.min(Math.round(t * data.rate), data.speed.length - 1);
     const mode = data.words[data.mode[row]];
-    now.textContent = `${t.toFixed(1)} s \u00b7 ${data.speed[row].toFixed(2)} m/s${mode ? ` \u00b7 ${mode}` : ""}`;
+    const at = `(${robot.position.x.toFixed(2)}, ${robot.position.y.toFixed(2)}) m`;
+    const words = [`${t.toFixed(1)} s`, `${data.speed[row].toFixed(2)} m/s`, at];
+    now.textContent = (mode ? [...words, mode] : words).join(" \u00b7 ");
     if (last !== null) {
       const here = place();
       shift([here[0] - last[0], here[1] - last[1], here[2] - last[2]]);
