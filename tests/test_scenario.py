@@ -280,6 +280,41 @@ def test_a_point_robot_has_no_room_for_four_wheels():
             parse_scenario(asked.encode(), "small.yaml")
 
 
+@pytest.mark.parametrize(
+    ("wheels", "limit"),
+    [
+        ("wheelbase: 0.4, track: 0.6", 10.0),  # 25 * 0.4, as 0.6^2 / 0.4 is more
+        ("wheelbase: 0.6, track: 0.2", 1.66666),  # 25 * 0.2^2 / 0.6 = 5 / 3, rounded down
+    ],
+)
+def test_a_robot_too_tall_for_its_wheels_is_told_the_height_at_which_it_stands(wheels, limit):
+    text = SMALL.replace("wheelbase: 0.5, track: 0.4", wheels).replace("max_braking: 1e0", "max_braking: 0.1")
+    text = text.replace("max_acceleration: 2.", "max_acceleration: 0.1").replace("speed: 1.0", "speed: 0.1")
+    tall = text.replace("com_height: 0.12", f"com_height: {limit * 1.0001}")
+    with pytest.raises(ScenarioError, match=rf"robot.com_height = .*= {limit:g} \[m\], or simulation.model"):
+        parse_scenario(tall.encode(), "small.yaml")
+    assert parse_scenario(text.replace("com_height: 0.12", f"com_height: {limit}").encode(), "small.yaml")
+    asked = tall.replace("start:", "simulation: {model: single_track}\nstart:")
+    assert parse_scenario(asked.encode(), "small.yaml").simulation.model == "single_track"
+
+
+def test_stops_that_take_hours_are_refused_with_the_number_that_does_not():
+    # Half the hall less the radius leaves 4.5 m: V = sqrt(2 * 1e-4 * 4.5) = 0.03 m/s, 300 s to a stop.
+    slow = SMALL.replace("max_braking: 1e0", "max_braking: 1e-4").replace("speed: 1.0", "speed: safe")
+    with pytest.raises(
+        ScenarioError, match=r"^small.yaml:\d+: simulation.stops: .* expected at most 50 instants$"
+    ):
+        parse_scenario(slow.encode(), "small.yaml")
+    assert parse_scenario(slow.replace("start:", "simulation: {stops: 50}\nstart:").encode(), "small.yaml")
+
+
+def test_a_way_that_takes_hours_is_refused():
+    # 6 sqrt(2) m, at 5e-4 m/s 16,971 s.
+    slow = SMALL.replace("max_steering", "max_speed: 5e-4, max_steering").replace("speed: 1.0", "speed: rest")
+    with pytest.raises(ScenarioError, match=r"goal.position = .* at least 1.697e\+04 s .* at most 10000 s"):
+        parse_scenario(slow.encode(), "small.yaml")
+
+
 # 9.81 * 0.5 / (2 * 0.7) = 3.50357142... m/s^2 of the height lie below 9.81 * 0.6 of the floor.
 @pytest.mark.parametrize(
     ("robot", "limit"),

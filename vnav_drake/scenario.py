@@ -4,7 +4,7 @@
     scenario.problem.safe_speed([[28.5, 1.9]])
 
 `scenario_file` reads text into data with line numbers, `scenario_spec` holds the keys, `scenario_checks`
-the rules that join them. `docs/scenario.md` is the reference.
+the rules that join them, `scenario_simulation` how the result is driven. `docs/scenario.md` is the reference.
 """
 
 from __future__ import annotations
@@ -21,6 +21,12 @@ from vnav_drake.problem import End, Problem
 from vnav_drake.scenario_checks import build_robot, build_world, end_faults, robot_faults
 from vnav_drake.scenario_faults import validate_spec
 from vnav_drake.scenario_file import Document, Fault, ScenarioError, read_bytes, read_document, split_path
+from vnav_drake.scenario_simulation import (
+    SimulationSettings,
+    duration_faults,
+    simulation_settings,
+    vehicle_faults,
+)
 from vnav_drake.scenario_spec import EndSpec, ScenarioSpec, scenario_schema
 
 __all__ = [
@@ -34,8 +40,6 @@ __all__ = [
     "parse_scenario",
     "scenario_schema",
 ]
-
-STOPS, QUICK_STOPS = 200, 50  # instants of the emergency-stop audit unless the file says otherwise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,15 +62,6 @@ class PlanSettings:
     through: tuple[str, ...] = ()  # gates to pass, in this order
     edge_cost: Literal["realised", "published"] = "realised"
     dwa: DwaSettings = DwaSettings()
-
-
-@dataclass(frozen=True, kw_only=True)
-class SimulationSettings:
-    """How the result is driven; what the file leaves out follows from the robot and `plan.effort`."""
-
-    model: Literal["single_track", "four_wheel", "both"]
-    stops: int  # instants of the emergency-stop audit, two stops each; 0: none
-    studies: bool  # limits finder and robustness sweep
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,9 +115,9 @@ def _build(data: bytes, where: str, source: Path | None) -> Scenario:
         max_speed=robot.max_speed,
     )
     world, faults = build_world(spec)
-    faults += robot_faults(spec)
+    faults += robot_faults(spec) + vehicle_faults(spec)
     if world is not None:
-        faults += end_faults(spec, world, braking)
+        faults += end_faults(spec, world, braking) + duration_faults(spec, braking)
     if world is None or faults:
         raise document.error(faults)
     problem = Problem(
@@ -148,22 +143,13 @@ def _build(data: bytes, where: str, source: Path | None) -> Scenario:
         spec=spec,
         problem=problem,
         plan=plan,
-        simulation=_simulation(spec),
+        simulation=simulation_settings(spec),
         gates={name: float(limit) for name, limit in spec.gates.model_dump().items()},
         named_gates=frozenset(spec.gates.model_fields_set),
         data=data,
         sha256=hashlib.sha256(data).hexdigest(),
         source=source,
         document=document,
-    )
-
-
-def _simulation(spec: ScenarioSpec) -> SimulationSettings:
-    asked, full = spec.simulation, spec.plan.effort == "full"
-    return SimulationSettings(
-        model=asked.model or ("single_track" if spec.robot.radius == 0.0 else "four_wheel"),
-        stops=(STOPS if full else QUICK_STOPS) if asked.stops is None else asked.stops,
-        studies=full if asked.studies is None else asked.studies,
     )
 
 

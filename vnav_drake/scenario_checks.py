@@ -37,7 +37,7 @@ Shapes = NDArray[np.object_]
 
 
 def robot_faults(spec: ScenarioSpec) -> list[Fault]:
-    """Faults of the robot alone: wheels outside its disc, brakes that it cannot have, a body it has not."""
+    """Faults of the robot alone: wheels outside its disc, brakes that it cannot have."""
     robot, faults = spec.robot, []
     reach = 0.5 * math.hypot(robot.wheelbase, robot.track)
     if robot.radius > 0.0 and reach > robot.radius + BODY_TOLERANCE:
@@ -67,13 +67,6 @@ def robot_faults(spec: ScenarioSpec) -> list[Fault]:
                 "expected false, more friction or less max_braking",
             )
         )
-    if robot.radius == 0.0 and spec.simulation.model in ("four_wheel", "both"):
-        faults.append(
-            Fault(
-                ("simulation", "model"),
-                "a point robot (robot.radius 0) has no room for four wheels; expected single_track",
-            )
-        )
     return faults
 
 
@@ -82,10 +75,14 @@ def _pitch_limit(robot: RobotSpec) -> float:
     return math.inf if robot.com_height == 0.0 else 0.5 * GRAVITY * robot.wheelbase / robot.com_height
 
 
+def rounded_down(number: float) -> str:
+    """A positive number in at most six digits, no greater, so that it can be written where it is a limit."""
+    return f"{float(decimal.Context(prec=6, rounding=decimal.ROUND_FLOOR).create_decimal(repr(number))):g}"
+
+
 def _possible(robot: RobotSpec) -> str:
-    """The greatest deceleration that friction and the height allow, in a few digits and rounded down."""
-    limit = min(robot.friction * GRAVITY, _pitch_limit(robot))
-    return f"{float(decimal.Context(prec=6, rounding=decimal.ROUND_FLOOR).create_decimal(repr(limit))):g}"
+    """The greatest deceleration [m/s^2] that friction and the height allow."""
+    return rounded_down(min(robot.friction * GRAVITY, _pitch_limit(robot)))
 
 
 def _pitch_faults(robot: RobotSpec) -> list[Fault]:
