@@ -43,7 +43,8 @@ def judged(arrays: case.Arrays, run: Record | None = None, **changes: Any) -> St
     columns = {key: value for key, value in arrays.items() if key not in ("schema", "model")}
     file = StopsFile(model=str(arrays["model"]), **columns)
     setting = asked.setting
-    return judge_stops(file, run or record(), setting.surroundings, asked.drive, setting.limits)
+    planned = case.LENGTH / case.SPEED
+    return judge_stops(file, run or record(), planned, setting.surroundings, asked.drive, setting.limits)
 
 
 def figures(arrays: case.Arrays, **changes: Any) -> dict[str, Any]:
@@ -393,6 +394,39 @@ def test_stops_of_another_run_are_refused():
 
 def test_more_stops_than_asked_for_are_refused_too():
     assert "80 stops, where 2 at each of 20" in refusal(case.stop_arrays(40))
+
+
+def waiting(run: Record, late: float) -> Record:
+    """The run with a row that much later, standing at its end."""
+    columns = {name: getattr(run, name) for name in ("x", "y", "heading", "v", "least_load", "tilt", "mode")}
+    last = {name: np.append(column, column[-1]) for name, column in columns.items()}
+    return replace(run, t=np.append(run.t, run.t[-1] + late), lateral_acceleration=None, **last)
+
+
+def test_what_a_run_takes_longer_than_planned_need_not_be_covered():
+    # Instants in the middle of 20 equal parts of 30 s: the last is 0.75 s before the planned end, at which it
+    # drives at x = 34.25 m; 3 s may be left out of the 30 s, however long the run waits at its end.
+    arrays = case.stop_arrays()
+    instant = np.repeat((np.arange(20) + 0.5) * 1.5, 2)
+    x = arrays["x"] + np.repeat(instant - arrays["instant"], np.diff(arrays["first"]))
+    found = judged({**arrays, "instant": instant, "x": x}, waiting(record(), 5.0))
+    assert found.refused == ()
+
+
+@pytest.mark.parametrize(("instants", "fits"), [(8, False), (10, True), (20, True)])
+def test_a_short_run_has_room_for_few_instants(instants, fits):
+    # 0.1 s are ten times 10 ms.
+    asked = question()
+    run = Record(*(getattr(record(), name)[:11] for name in RECORD_COLUMNS))
+    arrays = case.stop_arrays(instants)
+    instant = np.repeat(np.linspace(0.0, 0.1, instants), 2)
+    x = arrays["x"] + np.repeat(instant - arrays["instant"], np.diff(arrays["first"]))
+    file = {key: value for key, value in arrays.items() if key not in ("schema", "model")}
+    stops = StopsFile(model="four_wheel", **{**file, "instant": instant, "x": x})
+    found = judge_stops(stops, run, 0.1, asked.setting.surroundings, asked.drive, asked.setting.limits)
+    assert (found.refused == ()) is fits
+    if found.figures is not None:
+        assert found.figures["instants"] == instants
 
 
 def test_no_stop_claims_a_longer_zone_than_the_run_s_speed_gives():

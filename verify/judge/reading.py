@@ -90,8 +90,8 @@ def read_simulation(folder: Path, motion: Motion | None, asked: Question) -> Sim
             figures[PRESCREEN] = single
     stops = None
     file = read_stops(folder) if drive.stops else None
-    if file is not None and record is not None:
-        stops = judge_stops(file, record, setting.surroundings, drive, setting.limits)
+    if file is not None and record is not None and motion is not None:
+        stops = judge_stops(file, record, motion.travel_time, setting.surroundings, drive, setting.limits)
         if figures is not None and stops.figures is not None:
             figures["emergency_stops"] = stops.figures
     return Simulated(figures=figures, checks=tuple(checks), stops=stops)

@@ -67,22 +67,27 @@ class _Outcomes:
 
 
 def judge_stops(
-    file: StopsFile, record: Record, surroundings: Surroundings, drive: Drive, limits: Limits
+    file: StopsFile,
+    record: Record,
+    planned: float,
+    surroundings: Surroundings,
+    drive: Drive,
+    limits: Limits,
 ) -> Stops:
-    """Judge every recorded stop against the scenario.
+    """Judge every recorded stop; `planned` is the travel time [s] of the motion that is executed.
 
     A stop is bad when the disc touches anything on the way, the vehicle falls, it does not come to rest, or,
     where friction is reserved for braking, it leaves the disc of its braking distance around where it began:
     then every stop is promised to stay within. Without the reserve a stop in a bend shares the friction
     with the turn and may be longer; that is told.
     """
-    refused = faults(file, record, drive, limits)
+    refused = faults(file, record, planned, drive, limits)
     if refused:
         return Stops(refused=refused)
     gap, at_rows = surroundings.along(file.points, file.first)
     found = _outcomes(file, record, limits, gap)
     everything = np.ones(len(file), dtype=bool)
-    figures: dict[str, Any] = {"instants": drive.stops, "friction_reserve": limits.reserves_friction}
+    figures: dict[str, Any] = {"instants": len(file) // 2, "friction_reserve": limits.reserves_friction}
     figures |= _figures(found, everything)
     figures |= {
         "held": _figures(found, ~file.straightened),

@@ -30,12 +30,20 @@ WAY_SHARE = 0.1
 WAY_SLACK = 0.02  # [m]
 
 
-def faults(file: StopsFile, record: Record, drive: Drive, limits: Limits) -> tuple[str, ...]:
-    """Every reason not to take the stops for evidence about this run; empty when they are."""
-    found = _not_asked_for(file, drive)
+def faults(file: StopsFile, record: Record, planned: float, drive: Drive, limits: Limits) -> tuple[str, ...]:
+    """Every reason not to take the stops for evidence about this run; empty when they are.
+
+    `planned` is the travel time [s] of the motion that the run follows: what a run takes longer, which
+    `tracking` limits, need not be covered.
+    """
+    found = _not_asked_for(file, drive, min(float(record.t[-1]), planned))
     if found:
         return tuple(found)  # the rest would be told of stops that nobody asked for
-    return (*_not_spread(file, record), *_not_of_the_run(file, record, limits), *_no_motion(file, limits))
+    return (
+        *_not_spread(file, record, planned, drive),
+        *_not_of_the_run(file, record, limits),
+        *_no_motion(file, limits),
+    )
 
 
 def recorded_speed(file: StopsFile, record: Record) -> Array:
@@ -50,11 +58,14 @@ def name_of(file: StopsFile, stop: int) -> str:
     return f"stop {stop} (at {file.instant[stop]:.3f} s, {how})"
 
 
-def _not_asked_for(file: StopsFile, drive: Drive) -> list[str]:
-    """Another vehicle, another number of stops, or not two of every instant."""
+def _not_asked_for(file: StopsFile, drive: Drive, duration: float) -> list[str]:
+    """Another vehicle, another number of stops, or not two of every instant.
+
+    A run that lasts shorter than one `CLOCK` an instant has room for fewer.
+    """
     if file.model != drive.vehicle:
         return [f"of the model {file.model!a}, where {drive.vehicle} was to be stopped"]
-    if len(file) != 2 * drive.stops:
+    if not 2 * min(drive.stops, int(duration / CLOCK)) <= len(file) <= 2 * drive.stops or len(file) % 2:
         return [f"{len(file)} stops, where 2 at each of {drive.stops} instants were asked for"]
     pairs = file.instant.reshape(-1, 2)
     flags = file.straightened.reshape(-1, 2)
@@ -63,16 +74,17 @@ def _not_asked_for(file: StopsFile, drive: Drive) -> list[str]:
     return []
 
 
-def _not_spread(file: StopsFile, record: Record) -> list[str]:
+def _not_spread(file: StopsFile, record: Record, planned: float, drive: Drive) -> list[str]:
     """Parts of the run in which no stop begins, and instants outside of it."""
     begin, end = float(record.t[0]), float(record.t[-1])
     instants = file.instant[::2]
     if instants[0] < begin - CLOCK or instants[-1] > end + CLOCK or (np.diff(instants) < 0.0).any():
         return [f"instants that are not in order within the run, {begin:.3f} to {end:.3f} s"]
-    marks = np.concatenate([[begin], instants, [end]])
+    covered = max(min(end, planned), float(instants[-1]))
+    marks = np.concatenate([[begin], instants, [covered]])
     gap = np.diff(marks)
     widest = int(np.argmax(gap))
-    allowed = SPREAD * (end - begin) / len(instants) + CLOCK
+    allowed = SPREAD * (covered - begin) / drive.stops + CLOCK
     if gap[widest] <= allowed:
         return []
     return [
