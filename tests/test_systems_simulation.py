@@ -1,9 +1,10 @@
-"""The closed loop: what a vehicle does with a trajectory, at, below and beyond the limits."""
+"""The closed loop of the single track: what it does with a trajectory, at, below and beyond the limits."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,11 +12,14 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Diagram
 from systems_motions import circle, corridors, drive, lateral_error, s_curve
 
-from systems import diagram_graphviz, run_columns, simulate
+import systems
+from systems import diagram_graphviz, run_columns
 from systems.diagram import tracking_diagram
 from systems.single_track import Motion
 from vnav_drake.plan import Path, Trajectory
 from vnav_drake.robot import Robot
+
+simulate = partial(systems.simulate, model="single_track")
 
 ROBOT = Robot(radius=0.4)
 SLIPPERY = Robot(radius=0.4, friction=1.0 / 9.81)  # mu g = a_b = 1 m/s^2
@@ -25,10 +29,10 @@ def straight(length: float, **speeds: float) -> Trajectory:
     return drive(Path.from_arcs((1.0, 2.0), 0.3, [0.0], [length]), **speeds)
 
 
-def fixed_step(diagram: Diagram) -> Simulator:
+def fixed_step(diagram: Diagram, step: float = 2.5e-3) -> Simulator:
     simulator = Simulator(diagram)
     ApplySimulatorConfig(
-        SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=2.5e-3, use_error_control=False),
+        SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=step, use_error_control=False),
         simulator,
     )
     return simulator
@@ -62,7 +66,7 @@ def test_steady_circle_has_the_acceleration_of_its_radius(share):
     assert lateral_error(circle(radius, speed), run.x, run.y).max() < 5e-3
     assert not run.details["slid"]
     # both axles carry half the force: friction used is a / (mu g), and what load transfer and slip drag add
-    assert run.front_demand[steady].max() == pytest.approx(share, abs=0.04)
+    assert run.channels["front_demand"][steady].max() == pytest.approx(share, abs=0.04)
 
 
 @pytest.mark.parametrize("excess", [1.1, 1.5])
@@ -137,19 +141,15 @@ def test_turned_and_moved_trajectory_gives_the_same_run(curve, curve_run):
 
 def test_runs_repeat_bit_by_bit(curve, curve_run):
     run = simulate(ROBOT, curve)
-    for name in run_columns():
-        assert np.array_equal(getattr(run, name), getattr(curve_run, name)), name
+    for name in run.columns:
+        assert np.array_equal(run.columns[name], curve_run.columns[name]), name
 
 
 def test_all_that_changes_is_in_the_context(curve):
     def simulator():
         loop = tracking_diagram(ROBOT, curve)
-        sim = Simulator(loop.diagram)
-        ApplySimulatorConfig(
-            SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=2.5e-3, use_error_control=False),
-            sim,
-        )
-        loop.set_state(sim.get_mutable_context(), loop.start)
+        sim = fixed_step(loop.diagram)
+        loop.begin(sim.get_mutable_context(), loop.start)
         return loop, sim
 
     loop, first = simulator()
@@ -161,7 +161,7 @@ def test_all_that_changes_is_in_the_context(curve):
     second.get_mutable_context().SetTimeStateAndParametersFrom(snapshot)
     second.Initialize()
     second.AdvanceTo(4.0)
-    assert loop.state(first.get_context()) == other_loop.state(second.get_context())
+    assert loop.vehicle.state(first.get_context()) == other_loop.vehicle.state(second.get_context())
 
 
 def test_tracks_an_s_curve_within_a_centimetre_and_a_percent(curve, curve_run):
@@ -225,11 +225,11 @@ def test_nothing_moves_while_standing_after_a_bend():
     motion = drive(path, start=0.0, end=0.0, cruise=1.0)
     loop = tracking_diagram(ROBOT, motion)
     simulator = fixed_step(loop.diagram)
-    loop.set_state(simulator.get_mutable_context(), loop.start)
+    loop.begin(simulator.get_mutable_context(), loop.start)
     states = []
     for late in (1.0, 3.0, 6.0):
         simulator.AdvanceTo(motion.travel_time + late)
-        states.append(np.array(loop.state(simulator.get_context())))
+        states.append(np.array(loop.vehicle.state(simulator.get_context())))
     assert np.isfinite(states).all()
     np.testing.assert_allclose(states[1], states[0], atol=1e-6)
     np.testing.assert_allclose(states[2], states[1], atol=1e-9)
@@ -243,10 +243,15 @@ def test_offset_from_the_path_dies_out():
     assert error[run.t > 6.0].max() < 1e-3
 
 
-def test_result_does_not_depend_on_the_step(curve, curve_run):
-    fine = simulate(ROBOT, curve, step=0.625e-3)
-    assert np.abs(fine.x[-1] - curve_run.x[-1]) < 1e-4
-    assert np.abs(fine.y[-1] - curve_run.y[-1]) < 1e-4
+def test_result_does_not_depend_on_the_step_of_the_integrator(curve):
+    ends = []
+    for step in (2.5e-3, 0.625e-3):
+        loop = tracking_diagram(ROBOT, curve)
+        simulator = fixed_step(loop.diagram, step)
+        loop.begin(simulator.get_mutable_context(), loop.start)
+        simulator.AdvanceTo(curve.travel_time)
+        ends.append(loop.vehicle.state(simulator.get_context()))
+    np.testing.assert_allclose(ends[0][:3], ends[1][:3], atol=1e-4)
 
 
 def test_slow_steering_is_prepared_for():
@@ -275,17 +280,17 @@ def test_csv_gives_back_every_bit(curve_run, tmp_path):
     assert header[:5] == ["t", "x", "y", "heading", "v"]
     rows = np.loadtxt(file, delimiter=",", skiprows=1)
     for name, column in zip(header, rows.T, strict=True):
-        assert np.array_equal(column, getattr(curve_run, name)), name
+        assert np.array_equal(column, curve_run.columns[name]), name
 
 
 def test_rows_are_ten_milliseconds_apart_and_in_order(curve_run):
     gaps = np.diff(curve_run.t)
     np.testing.assert_allclose(gaps[:-1], 0.01, atol=1e-9)
     assert 0.0 < gaps[-1] <= 0.01 + 1e-9
-    assert run_columns()[1:] == Motion._fields
+    assert (*run_columns()[1:], *curve_run.channels) == Motion._fields
 
 
-@pytest.mark.parametrize("step", [0.0, -1e-3, 5e-3, 2e-3, math.nan])
+@pytest.mark.parametrize("step", [0.0, -1e-3, 5e-3, 2.5e-3, math.nan])
 def test_step_outside_its_range_is_refused(curve, step):
     with pytest.raises(ValueError, match="step = "):
         simulate(ROBOT, curve, step=step)
@@ -301,5 +306,5 @@ def test_trajectory_that_is_none_is_refused(curve):
 
 def test_diagram_names_its_parts(curve):
     source = diagram_graphviz(ROBOT, curve)
-    for name in ("trajectory", "tracking", "single_track", "log"):
+    for name in ("trajectory", "tracking", "supervisor", "single_track", "log"):
         assert name in source
