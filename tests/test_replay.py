@@ -33,7 +33,7 @@ from verify.replay_motion import (
     wheel_radius,
 )
 from verify.replay_page import finished, policy
-from verify.replay_scene import ASPECT, CLEAR, ELEVATION, FIELD, eye
+from verify.replay_scene import ELEVATION, FIELD, MARGIN, view
 from verify.replay_shapes import extruded, outer_wall, plate, ribbon, ring, solids
 from verify.report.palette import FLOOR, LIMIT, RACK
 from vnav_drake.plan import Path, Trajectory
@@ -208,19 +208,18 @@ def test_bad_columns_are_named(changes, words):
         frames(room().problem, run)
 
 
-@given(st.floats(1.0, 100.0), st.floats(1.0, 100.0), st.floats(0.0, 3.0))
-def test_the_first_view_holds_the_whole_world(wide, deep, tall):
+@given(st.floats(1.0, 100.0), st.floats(1.0, 100.0), st.floats(0.0, 3.0), st.floats(0.4, 3.0))
+def test_the_first_view_holds_the_whole_world_and_little_else(wide, deep, tall, aspect):
     points = np.array([[x, y, z] for x in (0, wide) for y in (0, deep) for z in (0, tall)])
-    target = points.mean(axis=0)
-    back = np.array([0.0, -math.cos(ELEVATION), math.sin(ELEVATION)])
-    off = points - eye(points, target)
-    depth = -off @ back
-    height = off @ np.array([0.0, math.sin(ELEVATION), math.cos(ELEVATION)]) / depth / math.tan(FIELD / 2)
-    across = off[:, 0] / depth / (ASPECT * math.tan(FIELD / 2))
-    assert height.max() <= CLEAR
-    assert max(-height.min(), np.abs(across).max()) <= 1.0
-    # 4 % further away than need be: one of them is nearly used up
-    assert max(height.max() / CLEAR, -height.min(), np.abs(across).max()) > 0.9
+    eye, target = view(points, aspect)
+    back = (eye - target) / np.linalg.norm(eye - target)
+    assert back == pytest.approx([0.0, -math.cos(ELEVATION), math.sin(ELEVATION)])
+    depth = (eye - points) @ back
+    up = (points - eye) @ [0.0, math.sin(ELEVATION), math.cos(ELEVATION)] / depth / math.tan(FIELD / 2)
+    across = (points - eye)[:, 0] / depth / (aspect * math.tan(FIELD / 2))
+    # in the picture, and but for the margin from one edge to the other
+    assert max(np.abs(up).max(), np.abs(across).max()) < 1.0
+    assert max(np.ptp(up), np.ptp(across)) > 2.0 * (2.0 - MARGIN) ** 2 * 0.95
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,6 @@ from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams
 from verify.replay_motion import FALLEN, STOPPED, STOPPING, WHEELS, Frames, frames, key_rows
 from verify.replay_page import ReplayError, finished
 from verify.replay_scene import (
-    ASPECT,
     BRAKING,
     BRAKING_COLOUR,
     BRAKING_STOP,
@@ -31,6 +30,7 @@ from verify.replay_scene import (
     build_robot,
     build_world,
     top_speed,
+    views,
 )
 from verify.replay_shapes import drawn_thickness
 from verify.report.html import write_whole
@@ -192,7 +192,7 @@ def _data(problem: Problem, motion: Frames) -> dict[str, object]:
     """What the panel's script reads."""
     near = max(NEAR_BASES * problem.robot.wheelbase, NEAR_REACH * float(motion.reach.max()))
     return {
-        "aspect": ASPECT,
+        "views": views(problem.world),
         "near": near,
         "rate": motion.rate,
         "duration": motion.duration,

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from pydrake.geometry import Box, Cylinder, Meshcat, Rgba, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
@@ -17,6 +19,7 @@ from verify.report.speed_scale import speed_colours
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
 from vnav_drake.robot import Robot
+from vnav_drake.world import World
 
 Array = NDArray[np.float64]
 
@@ -38,8 +41,8 @@ AMBIENT = 0.6  # share that comes from everywhere
 LIGHT = (-4.0, -6.0, 12.0)  # from where the rest comes
 
 FIELD = math.radians(36.0)  # of view, from top to bottom
-ASPECT = 1.5  # window for which the first view is made
-CLEAR = 0.7  # share of the upper half of the window that the panel leaves free
+ASPECTS = tuple(0.4 * 1.1**k for k in range(22))  # width over height of windows, up to 3
+MARGIN = 1.03  # the onlooker stands further away than need be
 ELEVATION = math.radians(58.0)  # of the onlooker, to the south: the picture stands as on the map
 
 
@@ -80,26 +83,43 @@ def build_world(meshcat: Meshcat, problem: Problem) -> None:
         start, end = (np.asfortranarray(ends[:, k].T) for k in (0, 1))
         meshcat.SetLineSegments(f"{ROOT}/edges", start, end, 1.0, _rgba(RACK_EDGE.light))
     _ends(meshcat, problem)
-    corners = np.concatenate([ground.reshape(-1, 3), ground.reshape(-1, 3) + np.array([0.0, 0.0, rise])])
-    target = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     meshcat.SetCamera(Meshcat.PerspectiveCamera(fov=math.degrees(FIELD), near=1e-3 * size, far=20.0 * size))
-    meshcat.SetCameraPose(eye(corners, target), target)
+    first = views(world)[-1]
+    meshcat.SetCameraPose(first["eye"], first["target"])
 
 
-def eye(points: Array, target: Array) -> Array:
-    """Where (3,) [m] an onlooker sees all `points` (n, 3) [m] in a window of `ASPECT`, looking at `target`.
+def views(world: World) -> list[dict[str, Any]]:
+    """From where to see the whole world, for windows of each of `ASPECTS`: `eye` and `target` (3,) [m]."""
+    corners = shapely.get_coordinates(world.boundary)
+    foot = np.column_stack([corners, np.zeros(len(corners))])
+    points = np.concatenate([foot, foot + np.array([0.0, 0.0, RISE_SHARE * world.diameter])])
+    found = []
+    for aspect in ASPECTS:
+        eye, target = view(points, aspect)
+        found.append({"aspect": aspect, "eye": eye.tolist(), "target": target.tolist()})
+    return found
 
-    Derived: a point that lies a to the right, b up and c towards the onlooker is in the picture when |a| and
-    |b| are at most (D - c) times the tangent of half the field of view, D being the distance to the target;
-    above the middle only `CLEAR` of that is used.
+
+def view(points: Array, aspect: float) -> tuple[Array, Array]:
+    """Where an onlooker stands (3,) and looks (3,) [m] to see all `points` (n, 3) [m], in the middle.
+
+    Derived: of a point that lies a to the right, b up and c towards the onlooker, |a| and |b| may be at most
+    (D - c) times the tangents h of half the fields of view, D being the distance. Moved up by s, the window
+    holds all when max(b + c h) - D h <= s <= min(b - c h) + D h: there is such an s from D =
+    (max(b + c h) - min(b - c h)) / (2 h) on, and the same across.
     """
     back = np.array([0.0, -math.cos(ELEVATION), math.sin(ELEVATION)])
     right = np.array([1.0, 0.0, 0.0])
     up = np.cross(back, right)
-    off = points - target
-    half = math.tan(0.5 * FIELD)
-    room = np.maximum(np.abs(off @ right) / (ASPECT * half), np.maximum(off @ up / CLEAR, -(off @ up)) / half)
-    return np.asarray(target + 1.04 * float(np.max(off @ back + room)) * back)
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    off = points - middle
+    toward = off @ back
+    distance, target = 0.0, middle
+    for axis, half in ((right, aspect * math.tan(0.5 * FIELD)), (up, math.tan(0.5 * FIELD))):
+        least, most = float(np.min(off @ axis - toward * half)), float(np.max(off @ axis + toward * half))
+        distance = max(distance, 0.5 * (most - least) / half)
+        target = target + 0.5 * (most + least) * axis
+    return target + MARGIN * distance * back, target
 
 
 def _ends(meshcat: Meshcat, problem: Problem) -> None:

@@ -6,14 +6,20 @@
   const slider = document.getElementById("replay-time");
   const now = document.getElementById("replay-now");
   const follow = document.getElementById("replay-follow");
+  if (viewer === undefined) {
+    now.textContent = "This browser shows no three-dimensional graphics (WebGL).";
+    return;
+  }
   const animator = viewer.animator;
+  const pane = viewer.dom_element;
   const robot = viewer.scene_tree.find(data.robot).object;
   const whole = { position: null, target: null };
   let last = null;  // where the robot was, while it is followed
 
+  const upright = ([x, y, z]) => [x, z, -y];  // in the camera's coordinates
+
   function place() {
-    const p = robot.position;
-    return [p.x, p.z, -p.y];
+    return upright(robot.position.toArray());
   }
 
   function remember() {
@@ -21,11 +27,12 @@
     whole.target = viewer.controls.target.clone();
   }
 
-  // The first view holds the whole world in a window of this shape; a narrower one needs more distance.
+  // The first view: that of the widest window which this one holds.
   function fit() {
-    const narrow = Math.max(1, data.aspect * window.innerHeight / window.innerWidth);
-    const target = viewer.controls.target;
-    viewer.camera.position.sub(target).multiplyScalar(narrow).add(target);
+    const aspect = pane.offsetWidth / pane.offsetHeight;
+    const view = data.views.findLast((known) => known.aspect <= aspect) ?? data.views[0];
+    viewer.camera.position.set(...upright(view.eye));
+    viewer.controls.target.set(...upright(view.target));
     remember();
   }
 
@@ -71,6 +78,8 @@
     const at = `(${robot.position.x.toFixed(2)}, ${robot.position.y.toFixed(2)}) m`;
     const words = [`${t.toFixed(1)} s`, `${data.speed[row].toFixed(2)} m/s`, at];
     now.textContent = (mode ? [...words, mode] : words).join(" \u00b7 ");
+    const drawn = viewer.renderer.domElement;
+    if (drawn.clientHeight !== pane.offsetHeight || drawn.clientWidth !== pane.offsetWidth) viewer.set_3d_pane_size();
     if (last !== null) {
       const here = place();
       shift([here[0] - last[0], here[1] - last[1], here[2] - last[2]]);
@@ -90,6 +99,7 @@
 
   viewer.renderer.toneMapping = MeshCat.THREE.NoToneMapping;  // colours as given
   fit();
+  if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) show(0);
   address();
   window.addEventListener("hashchange", address);
   requestAnimationFrame(tick);
