@@ -37,6 +37,7 @@ class Order(NamedTuple):
     force: float  # [N], of the drive, negative slows
     brake: float  # 1: the brakes are on, 0: off
     lateral: float  # [m/s^2], acceleration to the left, with which the force is shared among the wheels
+    speed: float  # [m/s], along the body: brakes give less and less within `BRAKE_TIME` of standing
 
 
 class Supervisor(LeafSystem):  # type: ignore[misc]
@@ -51,7 +52,7 @@ class Supervisor(LeafSystem):  # type: ignore[misc]
         steering angle [rad] and drive force [N] that follow the trajectory; `stop` (2): time [s] of the
         emergency, `NEVER` for none, and whether the wheels are straightened (1) or held (0).
     Output port
-        `order` (5): `Order`.
+        `order` (6): `Order`.
     """
 
     def __init__(self, robot: Robot, period: float, *, reaction_time: float, rest_end: bool) -> None:
@@ -69,21 +70,22 @@ class Supervisor(LeafSystem):  # type: ignore[misc]
 
     def set_steering(self, context: Context, angle: float) -> None:
         """The angle [rad] at which the wheels were told to stand before the first decision."""
-        order = Order(Mode.TRACK, angle, 0.0, 0.0, 0.0)
+        order = Order(Mode.TRACK, angle, 0.0, 0.0, 0.0, 0.0)
         context.get_mutable_discrete_state_vector().SetFromVector(list(order))
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
         last = Order(*context.get_discrete_state_vector().CopyToVector().tolist())
         state = State(*self.get_input_port(0).Eval(context).tolist())
         mode = self._mode(context, last, state)
-        lateral = state.longitudinal_velocity * state.yaw_rate
+        speed = state.longitudinal_velocity
+        lateral = speed * state.yaw_rate
         if mode == Mode.TRACK:
             steering, force = self.get_input_port(3).Eval(context).tolist()
-            order = Order(mode, self._within_rate(last.steering, steering), force, 0.0, lateral)
+            order = Order(mode, self._within_rate(last.steering, steering), force, 0.0, lateral, speed)
         else:
             straightened = self.get_input_port(4).Eval(context)[1] > 0.5
             wanted = 0.0 if straightened and mode == Mode.EMERGENCY_STOP else last.steering
-            order = Order(mode, self._within_rate(last.steering, wanted), 0.0, 1.0, lateral)
+            order = Order(mode, self._within_rate(last.steering, wanted), 0.0, 1.0, lateral, speed)
         values.get_mutable_vector().SetFromVector(list(order))
 
     def _mode(self, context: Context, last: Order, state: State) -> Mode:
@@ -119,7 +121,7 @@ class SingleTrackOrders(LeafSystem):  # type: ignore[misc]
     of standing still.
 
     Input ports
-        `order` (5): `Order`; `state` (7): `State`.
+        `order` (6): `Order`; `state` (7): `State`.
     Output port
         `command` (2): steering angle [rad], force [N].
     """

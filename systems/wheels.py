@@ -12,7 +12,7 @@ from pydrake.systems.framework import BasicVector, Context, InputPortIndex, Leaf
 
 from systems.four_wheel import WHEELS, FourWheel, WheelGeometry
 from systems.single_track import State
-from systems.supervisor import BRAKE_FRICTION, LEAST_BRAKING, Order
+from systems.supervisor import BRAKE_FRICTION, BRAKE_TIME, LEAST_BRAKING, Order
 from vnav_drake.robot import GRAVITY, Robot
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ class WheelCommands(LeafSystem):  # type: ignore[misc]
     it rolls on instead of locking.
 
     Input port
-        `order` (5): `Order`.
+        `order` (6): `Order`.
     Output ports
         `torque` (actuators) [N m]; `targets` (2 actuators): angles [rad] of the steering servos, all else
         zero; `brakes`: index of the port that gives the brakes' target speed.
@@ -97,7 +97,10 @@ class WheelCommands(LeafSystem):  # type: ignore[misc]
             side = loads * abs(order.lateral) / GRAVITY
             whole = BRAKE_FRICTION * robot.friction * loads
             room = np.sqrt(np.maximum(whole**2 - side**2, (LEAST_BRAKING * whole) ** 2))
-            torque[list(self._vehicle.drives)] = np.maximum(wheels.brake_limit - wheels.radius * room, 0.0)
+            taken = np.maximum(wheels.brake_limit - wheels.radius * room, 0.0)
+            # a brake gives its limit only while its wheel turns: taking back more would drive the vehicle
+            share = min(max(order.speed / (BRAKE_TIME * robot.max_braking), -1.0), 1.0)
+            torque[list(self._vehicle.drives)] = share * taken
         else:
             loads = wheel_loads(robot, wheels, order.force / robot.mass, order.lateral)
             force = order.force * (1.0 + wheels.spin_mass / robot.mass)
@@ -118,7 +121,7 @@ class Sensing(LeafSystem):  # type: ignore[misc]
 
     Input ports
         `plant` (positions and velocities); `contact`: `ContactResults`; `actuation` (actuators) [N m];
-        `order` (5): `Order`, for the record.
+        `order` (6): `Order`, for the record.
     Output ports
         `state` (7): `State` of the point midway between the axles, on the floor; `tilt` (1) [rad];
         `record`: what `RECORD` names.
