@@ -19,6 +19,7 @@ from judged import arcs_motion, scenario_bytes, setting
 from verify import evidence
 from verify.judge import judge
 from verify.judge.motion import COLUMNS, Motion
+from verify.judge.tracking import LOAD_COLUMNS
 
 Arrays = dict[str, np.ndarray]
 ROWS = ("t", "x", "y", "heading", "v", "tilt", "least_load", "slip")
@@ -48,7 +49,7 @@ def run_columns() -> Arrays:
         "heading": still,
         "v": np.full(len(t), SPEED),
         "lateral_acceleration": still,
-        "least_load": np.full(len(t), 0.9),
+        **{name: np.full(len(t), 40.0 * 9.81 / 4.0) for name in LOAD_COLUMNS},
         "tilt": still,
         "mode": still,
     }

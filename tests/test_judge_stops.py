@@ -396,9 +396,20 @@ def test_more_stops_than_asked_for_are_refused_too():
     assert "80 stops, where 2 at each of 20" in refusal(case.stop_arrays(40))
 
 
+def test_a_wheel_that_comes_down_jolts_and_the_vehicle_may_roll_back():
+    # 0.5 m/s in 20 ms is 25 m/s^2, four times mu g: of a vehicle on its wheels that is no evidence.
+    def rolls_back(v: np.ndarray) -> np.ndarray:
+        return np.where(np.arange(len(v)) == 25, -0.02, v)
+
+    arrays = case.edited(case.stop_arrays(), "v", 5, rolls_back)
+    assert "a change of speed that no floor gives" in refusal(arrays)
+    arrays = case.edited(arrays, "least_load", 5, lambda a: np.where(np.arange(len(a)) < 20, 0.0, a))
+    assert figures(arrays)["lifted"] == 1
+
+
 def waiting(run: Record, late: float) -> Record:
     """The run with a row that much later, standing at its end."""
-    columns = {name: getattr(run, name) for name in ("x", "y", "heading", "v", "least_load", "tilt", "mode")}
+    columns = {name: getattr(run, name) for name in ("x", "y", "heading", "v")}
     last = {name: np.append(column, column[-1]) for name, column in columns.items()}
     return replace(run, t=np.append(run.t, run.t[-1] + late), lateral_acceleration=None, **last)
 
@@ -449,7 +460,7 @@ def test_instants_between_rows_of_a_curved_run_fit_it():
     # A circle of radius 2 m at 1 m/s, recorded every 40 ms: the chord lies 0.5 * 0.04^2 / 8 = 0.1 mm off
     # it, and the heading turns 0.02 rad from row to row. Straight stops along the tangent.
     t = np.arange(751) * 0.04
-    columns = {name: np.zeros(len(t)) for name in (*RECORD_COLUMNS, "least_load", "tilt", "mode")}
+    columns = {name: np.zeros(len(t)) for name in RECORD_COLUMNS}
     columns |= {
         "t": t,
         "x": 20 + 2 * np.sin(t / 2),

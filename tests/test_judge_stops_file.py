@@ -82,7 +82,6 @@ def test_arrays_missing_and_too_many(arrays, tmp_path):
         ("x", lambda a: a + 1e13, "is not finite or absurd"),
         ("y", lambda a: a + np.inf, "y[0] = inf: is not finite or absurd"),
         ("heading", lambda a: a * np.nan, "heading[0] = nan"),
-        ("v", lambda a: -a, "must not be negative"),
         ("tilt", lambda a: a - 2.0, "must not be negative"),
         ("least_load", lambda a: a - 1.0, "must not be negative"),
         ("slip", lambda a: a - 1.0, "must not be negative"),

@@ -10,7 +10,7 @@ import pytest
 from judged import arcs_motion, setting
 
 from verify.judge.motion import Motion
-from verify.judge.tracking import GOAL_LIMIT, Record, Run, judge_run
+from verify.judge.tracking import GOAL_LIMIT, Record, Run, Wheels, judge_run
 
 WHERE = setting()
 
@@ -244,31 +244,51 @@ def test_lifting_the_inner_wheels_fails():
     assert "inner wheels lifted" in result.check.message
 
 
-def on_four_wheels(**columns: np.ndarray) -> Record:
+def on_four_wheels(**wheels: np.ndarray) -> Record:
     """The perfect run with wheel loads, tilt and modes of a vehicle that keeps all wheels on the floor."""
     driven = record(plan())
     still = np.zeros(len(driven.t))
-    return replace(driven, **{"least_load": still + 0.5, "tilt": still, "mode": still, **columns})
+    columns = {"loads": np.full((len(still), 4), 100.0), "tilt": still, "mode": still, **wheels}
+    return replace(driven, wheels=Wheels(**columns))
 
 
 def four_wheels(driven: Record) -> Run:
     return judge_run(driven, plan(), (35.0, 2.0), WHERE.surroundings, WHERE.limits, vehicle="four_wheel")
 
 
-@pytest.mark.parametrize(("rows", "status"), [(1, "passed"), (5, "passed"), (6, "failed"), (300, "failed")])
-def test_a_wheel_in_the_air_for_fifty_milliseconds_fails(rows: int, status: str):
+def unloaded(wheels: list[int], rows: int) -> np.ndarray:
+    """Loads of four wheels, some of which carry nothing in a number of rows from 10 s on."""
+    loads = np.full((len(record(plan()).t), 4), 100.0)
+    loads[1000 : 1000 + rows, wheels] = 0.0
+    return loads
+
+
+@pytest.mark.parametrize("pair", [[0, 2], [1, 3], [0, 1], [2, 3]])  # left, right, front, rear
+@pytest.mark.parametrize(("rows", "status"), [(1, "passed"), (5, "passed"), (6, "failed")])
+def test_a_side_or_an_axle_in_the_air_for_fifty_milliseconds_fails(pair: list[int], rows: int, status: str):
     # Six rows of 10 ms span 50 ms, five 40 ms.
-    load = np.full(len(record(plan()).t), 0.5)
-    load[1000 : 1000 + rows] = 0.0
-    result = four_wheels(on_four_wheels(least_load=load))
+    result = four_wheels(on_four_wheels(loads=unloaded(pair, rows)))
     assert result.check.status == status
     if status == "failed":
-        assert "a wheel was in the air for 0.05 s or longer, at t = 10.000 s" in result.check.message
+        assert "two wheels were in the air for 0.05 s or longer, at t = 10.000 s" in result.check.message
+
+
+@pytest.mark.parametrize(
+    ("wheels", "status"), [([0], "passed"), ([0, 3], "passed"), ([0, 1, 2, 3], "failed")]
+)
+def test_wheels_without_load_on_either_side_do_not_tip(wheels: list[int], status: str):
+    # One wheel, or the two on a diagonal: neither a side nor an axle is without load.
+    assert four_wheels(on_four_wheels(loads=unloaded(wheels, 300))).check.status == status
+
+
+def test_a_record_in_which_no_wheel_ever_carries_anything_fails():
+    assert four_wheels(on_four_wheels(loads=0.0 * unloaded([], 0))).check.status == "failed"
 
 
 def test_the_acceleration_of_four_wheels_says_nothing_of_their_loads():
     sway = np.full(len(record(plan()).t), 2.0 * WHERE.limits.tip)
-    assert four_wheels(on_four_wheels(lateral_acceleration=sway)).check.status == "passed"
+    driven = replace(on_four_wheels(), lateral_acceleration=sway)
+    assert four_wheels(driven).check.status == "passed"
 
 
 @pytest.mark.parametrize(

@@ -111,9 +111,8 @@ def _run(
     columns = evidence.read_table(folder, file, RECORD_COLUMNS, exact=False)
     present = [column for column in WHEEL_COLUMNS if column in columns]
     if 0 < len(present) < len(WHEEL_COLUMNS):
-        raise EvidenceError(
-            f"{file}: of the columns {', '.join(WHEEL_COLUMNS)} it has {', '.join(present)} only"
-        )
+        missing = [column for column in WHEEL_COLUMNS if column not in columns]
+        raise EvidenceError(f"{file}: has {', '.join(present)}, but not {', '.join(missing)}")
     if motion is None:
         return nothing(f"there is no {evidence.EXECUTED} to compare the run with")
     record = record_from_columns(columns)

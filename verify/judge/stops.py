@@ -150,7 +150,7 @@ def _not_evaluated(message: str, *, wanted: bool = True) -> Check:
 def _outcomes(file: StopsFile, record: Record, limits: Limits, gap: Array) -> _Outcomes:
     begin, last = file.first[:-1], file.first[1:] - 1
     # The run's rows say how fast it was, too: no stop claims more than they do.
-    v = np.minimum(file.v[begin], recorded_speed(file, record))
+    v = np.minimum(file.speed[begin], recorded_speed(file, record))
     claimed = v * limits.reaction_time + v * v / (2.0 * limits.braking)
     allowed = claimed + SETTLING + STEP * v
     away = np.hypot(*(file.points - file.points[begin][file.owner]).T)
@@ -160,7 +160,7 @@ def _outcomes(file: StopsFile, record: Record, limits: Limits, gap: Array) -> _O
     clearance = gap - limits.radius
     collision = (clearance < 0.0) | (gap <= CONTACT)
     fall = file.any(file.tilt > FALLEN)
-    no_stop = (file.v[last] > STANDING) & ~fall
+    no_stop = (file.speed[last] > STANDING) & ~fall
     left = reach > allowed
     return _Outcomes(
         clearance=clearance,
@@ -210,7 +210,7 @@ def _failure(file: StopsFile, found: _Outcomes, at_rows: Array, stop: int) -> di
         cause, row = FALL, int(np.argmax(file.tilt[rows] > FALLEN))
     elif found.no_stop[stop]:
         cause, row = NO_STOP, int(file.first[stop + 1] - file.first[stop]) - 1
-        amount = {"speed": float(file.v[rows][row])}
+        amount = {"speed": float(file.speed[rows][row])}
     else:
         away = np.hypot(*(file.points[rows] - file.points[rows][0]).T)
         cause, row = LEFT, int(np.argmax(away > found.allowed[stop]))

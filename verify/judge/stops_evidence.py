@@ -9,7 +9,7 @@ from verify.judge.limits import Limits
 from verify.judge.question import Drive
 from verify.judge.stops_file import StopsFile
 from verify.judge.tracking import JUMP_FACTOR, JUMP_SLACK, SAMPLING_LIMIT, Record
-from verify.judge.wheels import FALLEN
+from verify.judge.wheels import FALLEN, lifted
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -22,7 +22,8 @@ CLOCK = 0.01  # [s], by which an instant may be off its place: steps of a simula
 SAME_PLACE = 1e-3  # [m]: far below any clearance that counts
 SAME_HEADING = 0.01  # [rad]
 SAME_SPEED = 0.01  # [m/s]: 1 cm of braking distance at 1 m/s and 1 m/s^2
-# The floor changes a speed by mu g. A wheel that comes down carries more than its share for a moment.
+# The floor changes a speed by mu g. A contact is not as steady as that; where a wheel was in the air and
+# comes down, there is a jolt, of which nothing is asked.
 GRIP_FACTOR = 2.0
 GRIP_SLACK = 0.1  # [m/s]
 # A row every 20 ms says by its speeds how far the vehicle goes, to second order.
@@ -49,7 +50,7 @@ def faults(file: StopsFile, record: Record, planned: float, drive: Drive, limits
 def recorded_speed(file: StopsFile, record: Record) -> Array:
     """The greater speed [m/s] of the run's rows on both sides of each instant; (n,)."""
     before, after, _ = _between(file, record)
-    return np.maximum(record.v[before], record.v[after])
+    return np.maximum(np.abs(record.v[before]), np.abs(record.v[after]))
 
 
 def name_of(file: StopsFile, stop: int) -> str:
@@ -135,8 +136,9 @@ def _no_motion(file: StopsFile, limits: Limits) -> list[str]:
     owner = file.owner[row]
     dt = file.t[row + 1] - file.t[row]
     step = np.hypot(file.x[row + 1] - file.x[row], file.y[row + 1] - file.y[row])
-    v, after = file.v[row], file.v[row + 1]
+    v, after = file.speed[row], file.speed[row + 1]
     upright = ~file.any(file.tilt > FALLEN)
+    steady = upright & ~file.any(lifted(file.least_load, file.t, file.first))
     pieces = (
         (dt <= 0.0, "times that do not increase"),
         (dt > SAMPLING_LIMIT, f"rows more than {SAMPLING_LIMIT} s apart"),
@@ -145,7 +147,7 @@ def _no_motion(file: StopsFile, limits: Limits) -> list[str]:
             "a jump that its speed does not explain",
         ),
         (
-            (np.abs(after - v) > GRIP_FACTOR * limits.grip * dt + GRIP_SLACK) & upright[owner],
+            (np.abs(after - v) > GRIP_FACTOR * limits.grip * dt + GRIP_SLACK) & steady[owner],
             "a change of speed that no floor gives",
         ),
     )

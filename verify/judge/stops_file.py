@@ -30,7 +30,7 @@ _LAYOUT: Layout = {
     "first": ("<i8", ("n + 1",)),  # a length of its own: see `_layout_for`
     **dict.fromkeys(("t", "x", "y", "heading", "v", "tilt", "least_load", "slip"), ("<f8", ("m",))),
 }
-_NOT_NEGATIVE = ("instant", "t", "v", "tilt", "least_load", "slip")
+_NOT_NEGATIVE = ("instant", "t", "tilt", "least_load", "slip")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class StopsFile:
     x: Array  # (m,) [m], centre of mass
     y: Array  # (m,) [m]
     heading: Array  # (m,) [rad], of the body
-    v: Array  # (m,) [m/s]
+    v: Array  # (m,) [m/s], negative backwards
     tilt: Array  # (m,) [rad], of the body's axis from the plumb line
     least_load: Array  # (m,) least wheel (single track: axle) load over its share at rest
     slip: Array  # (m,) [m/s], greatest of a wheel over the floor
@@ -58,6 +58,11 @@ class StopsFile:
     def points(self) -> Array:
         """(m, 2) [m]"""
         return np.column_stack([self.x, self.y])
+
+    @cached_property
+    def speed(self) -> Array:
+        """(m,) [m/s], whichever way it goes."""
+        return np.abs(self.v)
 
     @cached_property
     def owner(self) -> Rows:

@@ -19,7 +19,8 @@ from verify.judge.wheels import FALLEN, LASTING, lifted
 Array = NDArray[np.float64]
 
 RECORD_COLUMNS = ("t", "x", "y", "heading", "v", "lateral_acceleration")
-WHEEL_COLUMNS = ("least_load", "tilt", "mode")  # of the four-wheel model, all three
+LOAD_COLUMNS = ("load_front_left", "load_front_right", "load_rear_left", "load_rear_right")
+WHEEL_COLUMNS = (*LOAD_COLUMNS, "tilt", "mode")  # of the four-wheel model, all of them
 FELL = 3.0  # mode of a vehicle that has fallen
 
 # A tracking controller at 0.70 to 0.95 of the friction limit stays within 20 mm of its path, and within
@@ -38,6 +39,26 @@ JUMP_SLACK = 5e-3  # [m], by which a sample may lie further than its speeds expl
 JUMP_FACTOR = 1.5  # times the greater speed of both samples: side slip adds to the forward speed
 
 
+@dataclass(frozen=True, kw_only=True)
+class Wheels:
+    """What a record of the four-wheel model says besides."""
+
+    loads: Array  # (n, 4) [N], front left, front right, rear left, rear right
+    tilt: Array  # (n,) [rad], of the body's axis from the plumb line
+    mode: Array  # (n,) 0 tracks, 1 emergency stop, 2 stopped, 3 fallen
+
+    @property
+    def least_side(self) -> Array:
+        """(n,) least load of a side or an axle, over half of what all wheels carry on average.
+
+        At 0 the robot tips. A single wheel may be without load before: four on a plane are one too many.
+        """
+        pairs = np.array([[0, 2], [1, 3], [0, 1], [2, 3]])  # left, right, front, rear
+        half = 0.5 * self.loads.sum(axis=1).mean()
+        least = self.loads[:, pairs].sum(axis=2).min(axis=1)
+        return np.asarray(least / half if half > 0.0 else least)
+
+
 @dataclass(frozen=True)
 class Record:
     """The recorded run of the simulated vehicle."""
@@ -48,16 +69,12 @@ class Record:
     heading: Array  # (n,) [rad]
     v: Array  # (n,) [m/s]
     lateral_acceleration: Array | None = None  # (n,) [m/s^2], of the body; without it no wheel is judged
-    # Of the four-wheel model, else None:
-    least_load: Array | None = None  # (n,) least wheel load over its share at rest
-    tilt: Array | None = None  # (n,) [rad], of the body's axis from the plumb line
-    mode: Array | None = None  # (n,) 0 tracks, 1 emergency stop, 2 stopped, 3 fallen
+    wheels: Wheels | None = None  # of the four-wheel model
 
     @property
     def vehicle(self) -> str:
         """The model that such a record is of."""
-        wheels = (self.least_load, self.tilt, self.mode)
-        return "single_track" if all(column is None for column in wheels) else "four_wheel"
+        return "single_track" if self.wheels is None else "four_wheel"
 
 
 @dataclass(frozen=True)
@@ -81,8 +98,8 @@ def judge_run(
 ) -> Run:
     """Compare a recorded run of a `vehicle` with the trajectory `motion` it was to follow.
 
-    `name` is the check's trajectory. Four wheels are off the floor when their loads say so; of a single track
-    the lateral acceleration says that the inner ones would be.
+    `name` is the check's trajectory. Wheels are off the floor when their loads say so; of a single track the
+    lateral acceleration says that the inner ones would be.
 
     At every sample up to the end of the planned motion the vehicle must be near the planned path, and
     near in time to when the plan passes that place; how far it is from the place planned for the same
@@ -182,15 +199,12 @@ def _off_the_floor(record: Record, vehicle: str, limits: Limits) -> list[tuple[b
     """Whether wheels were in the air, or the vehicle fell: fault, row, words."""
     if record.vehicle != vehicle:
         return [(True, 0, f"a run of the model {record.vehicle}, where {vehicle} was to drive")]
-    if record.least_load is not None and record.tilt is not None and record.mode is not None:
-        airborne = lifted(record.least_load, record.t, np.array([0, len(record.t)]))
-        fallen = (record.mode >= FELL) | (np.abs(record.tilt) > FALLEN)
+    if record.wheels is not None:
+        airborne = lifted(record.wheels.least_side, record.t, np.array([0, len(record.t)]))
+        fallen = (record.wheels.mode >= FELL) | (np.abs(record.wheels.tilt) > FALLEN)
+        up = f"two wheels were in the air for {LASTING} s or longer"
         return [
-            (
-                bool(airborne.any()),
-                int(np.argmax(airborne)),
-                f"a wheel was in the air for {LASTING} s or longer",
-            ),
+            (bool(airborne.any()), int(np.argmax(airborne)), up),
             (bool(fallen.any()), int(np.argmax(fallen)), "the vehicle fell"),
         ]
     sway = np.zeros(1) if record.lateral_acceleration is None else np.abs(record.lateral_acceleration)
@@ -200,7 +214,9 @@ def _off_the_floor(record: Record, vehicle: str, limits: Limits) -> list[tuple[b
 
 def record_from_columns(columns: dict[str, Array]) -> Record:
     """From the columns of simulation.csv, those of wheels where they are; others are not judged."""
-    return Record(
-        *(columns[name] for name in RECORD_COLUMNS),
-        **{name: columns[name] for name in WHEEL_COLUMNS if name in columns},
-    )
+    wheels = None
+    if all(name in columns for name in WHEEL_COLUMNS):
+        loads = np.column_stack([columns[name] for name in LOAD_COLUMNS])
+        wheels = Wheels(loads=loads, tilt=columns["tilt"], mode=columns["mode"])
+    t, x, y, heading, v, sway = (columns[name] for name in RECORD_COLUMNS)
+    return Record(t, x, y, heading, v, lateral_acceleration=sway, wheels=wheels)

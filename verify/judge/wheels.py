@@ -12,14 +12,17 @@ Array = NDArray[np.float64]
 FALLEN = math.radians(
     30.0
 )  # [rad], of the body's axis from the plumb line: beyond what wheels or springs give
-UNLOADED = 1e-3  # of the load at rest: a wheel that carries less is in the air
+UNLOADED = 1e-3  # of the load at rest: wheels that carry less are in the air
 SLIDING = 0.05  # [m/s], of a contact patch over the floor: rolling wheels creep by some mm/s
 LASTING = 0.05  # [s], that a wheel slides or is in the air; less is the chatter of a contact
 
 
-def lifted(least_load: Array, t: Array, first: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(m,) rows at which a wheel is in the air for `LASTING` or longer; see `lasting`."""
-    return lasting(least_load <= UNLOADED, t, first, LASTING)
+def lifted(load: Array, t: Array, first: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(m,) rows at which what carries `load`, over its share at rest, is in the air for `LASTING` or longer.
+
+    See `lasting`.
+    """
+    return lasting(load <= UNLOADED, t, first, LASTING)
 
 
 def slid(slip: Array, t: Array, first: NDArray[np.int64]) -> NDArray[np.bool_]:
