@@ -13,9 +13,10 @@
   const animator = viewer.animator;
   const pane = viewer.dom_element;
   const robot = viewer.scene_tree.find(data.robot).object;
-  const whole = { position: null, target: null };
+  const whole = { position: null, target: null, shape: 0 };  // the view to come back to
   let last = null;  // where the robot was, while it is followed
 
+  const shape = () => pane.offsetWidth / pane.offsetHeight;
   const upright = ([x, y, z]) => [x, z, -y];  // in the camera's coordinates
 
   function place() {
@@ -29,11 +30,20 @@
 
   // The first view: that of the widest window which this one holds.
   function fit() {
-    const aspect = pane.offsetWidth / pane.offsetHeight;
+    const aspect = shape();
     const view = data.views.findLast((known) => known.aspect <= aspect) ?? data.views[0];
     viewer.camera.position.set(...upright(view.eye));
     viewer.controls.target.set(...upright(view.target));
+    whole.shape = aspect;
     remember();
+  }
+
+  // As long as nobody has moved the camera it fits the window again.
+  function resized() {
+    const { position } = viewer.camera;
+    const untouched = last === null && position.distanceTo(whole.position) < 1e-6 * position.length();
+    viewer.set_3d_pane_size();
+    if (untouched) fit(); else whole.shape = shape();
   }
 
   function shift(by) {
@@ -78,8 +88,7 @@
     const at = `(${robot.position.x.toFixed(2)}, ${robot.position.y.toFixed(2)}) m`;
     const words = [`${t.toFixed(1)} s`, `${data.speed[row].toFixed(2)} m/s`, at];
     now.textContent = (mode ? [...words, mode] : words).join(" \u00b7 ");
-    const drawn = viewer.renderer.domElement;
-    if (drawn.clientHeight !== pane.offsetHeight || drawn.clientWidth !== pane.offsetWidth) viewer.set_3d_pane_size();
+    if (shape() !== whole.shape) resized();
     if (last !== null) {
       const here = place();
       shift([here[0] - last[0], here[1] - last[1], here[2] - last[2]]);
