@@ -8,7 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from verify.digits import as_given, beside, rounded
@@ -84,6 +84,7 @@ def test_a_gate_beyond_its_limit_by_little_does_not_print_the_limit():
 LIMITS = st.floats(1e-300, 1e6) | st.floats(-1e6, -1e-300) | st.just(0.0)
 
 
+@example(2.0**-24, 0.0)  # 17 digits, the last a five: no rounding of it is its shortest name
 @given(LIMITS, st.floats(-1e-3, 1e-3) | st.sampled_from([0.0, 2e-16, -2e-16]))
 def test_what_is_printed_is_on_the_same_side_as_what_is_judged(limit, off):
     value = limit * (1.0 + off)

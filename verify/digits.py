@@ -33,7 +33,8 @@ def digits_beside(value: float, limit: float, fewest: int) -> int:
 
 def beside(value: float, limit: float, digits: int) -> str:
     """`value` with that many significant digits, or more where it takes more to show its side of `limit`."""
-    return f"{value:.{digits_beside(value, limit, digits)}g}"
+    enough = digits_beside(value, limit, digits)
+    return repr(float(value)) if enough == MOST else f"{value:.{enough}g}"  # names are in the order of floats
 
 
 def as_given(limit: float) -> str:
