@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import math
 import re
 import shutil
 import xml.etree.ElementTree as ET
@@ -14,11 +15,13 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
 import pytest
 from report_case import HISTORY, warehouse, write_folder
 
 from verify.report import ReportExtras, write_index, write_report
+from verify.report.evidence import read_evidence
 from vnav_drake.scenario import Scenario
 from vnav_drake.world import World
 
@@ -206,21 +209,25 @@ def test_what_a_model_does_not_promise_is_no_failure(case):
     assert "The variational optimum itself breaks the steering limit" in said
 
 
-def test_the_same_inputs_give_the_same_bytes(case):
+def test_the_same_inputs_give_the_same_bytes_whatever_the_user_has_set(case):
     folder, scenario, result, text = case
-    assert write(folder, scenario, json.loads(json.dumps(result))) == text
+    with matplotlib.rc_context({"font.size": 40.0, "axes.facecolor": "red", "text.usetex": False}):
+        again = write(folder, scenario, json.loads(json.dumps(result)))
+        assert matplotlib.rcParams["font.size"] == 40.0
+    assert again == text
 
 
 FILES = ("trajectory.csv", "simulation.csv", "scenario.yaml", "trajectories/voronoi_route.csv",
          "trajectories/collocation.csv", "trajectories/refined.csv")  # fmt: skip
 
 
-@pytest.mark.parametrize("file", [*FILES[:3], "trajectories/collocation.csv"])
-def test_a_missing_file_is_named_where_its_picture_would_be(case, copied, file):
-    (copied / file).unlink()
+def test_missing_files_are_named_where_their_pictures_would_be(case, copied):
+    gone = (*FILES[:3], "trajectories/collocation.csv")
+    for file in gone:
+        (copied / file).unlink()
     said = Page(write(copied, case[1], case[2])).text
-    assert file in said
-    assert "was not written" in said or "cannot be read" in said
+    for file in gone:
+        assert re.search(rf"{file} (was not written|cannot be read)", said), file
 
 
 def test_without_any_evidence_there_still_is_a_page(case, copied):
@@ -247,23 +254,30 @@ HEADER = "t,x,y,heading,v,a,curvature,clearance\n"
         HEADER + "0,a\n",
     ],
 )
-def test_a_broken_trajectory_is_a_reason_and_not_an_error(case, copied, content):
-    (copied / "trajectory.csv").write_text(content)
-    for name in ("refined", "collocation", "voronoi_route"):
-        (copied / "trajectories" / f"{name}.csv").write_bytes(b"\xff\xfe\x00")
-    said = Page(write(copied, case[1], case[2])).text
+def test_a_broken_trajectory_is_a_reason_and_not_an_error(tmp_path, content):
+    (tmp_path / "trajectory.csv").write_text(content)
+    found = read_evidence(tmp_path)
+    assert found.executed is None
+    assert found.reasons["trajectory.csv"].startswith("trajectory.csv ")
+
+
+def test_the_reason_stands_in_place_of_the_picture(case, tmp_path):
+    (tmp_path / "trajectories").mkdir()
+    for name in ("trajectory", "trajectories/refined", "trajectories/collocation"):
+        (tmp_path / f"{name}.csv").write_bytes(b"\xff\xfe\x00")
+    said = Page(write(tmp_path, case[1], case[2])).text
     assert "No motion to draw: trajectory.csv" in said
 
 
 @pytest.mark.parametrize(
     "result",
     [
-        {"plans": None, "gates": [None, 3, {"name": None}], "checks": {"a": 1}, "gaps": [1]},
-        {"verdict": ["refined"], "plans": {"refined": {"travel_time": "soon"}}, "missing": [{}]},
-        {"plans": {"mystery": {"travel_time": 3.0, "length": float("nan")}}, "versions": {"a": None}},
-        {"gates": [{"name": "new_gate", "value": 1, "limit": 2, "passed": "yes"}], "executed": 3},
+        {"plans": None, "gates": [None, 3, {"name": None}, {"name": "new_gate", "passed": "yes"}],
+         "checks": {"a": 1}, "gaps": [1], "verdict": ["refined"], "missing": [{}], "executed": 3},
+        {"plans": {"refined": {"travel_time": "soon"}, "mystery": {"travel_time": 3.0, "length": math.nan}},
+         "versions": {"a": None}, "gates": [{"name": "new_gate", "value": 1, "limit": 2, "passed": "yes"}]},
     ],
-)
+)  # fmt: skip
 def test_a_result_of_another_shape_still_gives_a_page(case, result):
     folder, scenario, *_ = case
     file = folder / "other.html"
@@ -326,17 +340,9 @@ def test_the_scenario_file_stands_in_the_page_letter_by_letter(case):
     assert shown == (folder / "scenario.yaml").read_text().strip()
 
 
-def test_the_users_matplotlib_settings_change_nothing_and_stay_as_they_are(case):
-    import matplotlib
-
-    folder, scenario, result, text = case
-    with matplotlib.rc_context({"font.size": 40.0, "axes.facecolor": "red", "text.usetex": False}):
-        again = write(folder, scenario, result)
-        assert matplotlib.rcParams["font.size"] == 40.0
-    assert again == text
-
-
 def test_a_failed_write_leaves_the_old_page(case, copied, monkeypatch):
+    for file in FILES:  # nothing to draw: what is written does not matter here
+        (copied / file).unlink()
     (copied / "report.html").write_text("old")
 
     def no_space(*_: object) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import re
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -91,6 +92,15 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], str]
     return result, (folder / "report.html").read_text(encoding="utf-8")
 
 
+def page(
+    folder: FilePath, scenario: Scenario, result: dict[str, Any], extras: ReportExtras | None = None
+) -> str:
+    """The page of a folder without evidence: nothing to draw but the result."""
+    extras = extras or ReportExtras()
+    write_report(folder / "r.html", scenario=scenario, result=result, folder=folder, extras=extras)
+    return (folder / "r.html").read_text(encoding="utf-8")
+
+
 def said(text: str) -> str:
     return Page(text).text.replace("\u00a0", " ")
 
@@ -145,17 +155,9 @@ def test_without_a_collocation_there_is_no_analytic_row(case):
 
 
 def test_gates_that_were_asked_for_are_said_at_once_and_at_the_classes(case, tmp_path):
-    scenario, folder = warehouse(), tmp_path / "warehouse"
-    result = with_speed_graph(folder, scenario)
+    scenario = warehouse()
     scenario = replace(scenario, plan=replace(scenario.plan, through=("O4/O6", "O3/<b>O4")))
-    write_report(
-        folder / "r.html",
-        scenario=scenario,
-        result=result,
-        folder=folder,
-        extras=ReportExtras(history=HISTORY),
-    )
-    words = said((folder / "r.html").read_text())
+    words = said(page(tmp_path, scenario, case[0]))
     assert "It was asked to pass O4/O6, O3/<b>O4; faster ways may exist." in words
     assert "only classes that pass O4/O6, O3/<b>O4 , in this order" in words
     assert "asked to pass" not in said(case[1])
@@ -237,31 +239,22 @@ def test_every_rank_has_a_colour_of_its_own():
 
 
 def test_a_result_of_another_shape_still_gives_a_page(case, tmp_path):
-    folder = tmp_path / "warehouse"
-    scenario = warehouse()
-    result = with_speed_graph(folder, scenario)
+    result = copy.deepcopy(case[0])
     result["plans"]["speed_graph"] |= {"classes": [None, 3, {"rank": "x", "failed": 7}], "graph": [1]}
     result["plans"]["collocation"]["seeds"] = "none"
-    write_report(
-        folder / "r.html",
-        scenario=scenario,
-        result=result,
-        folder=folder,
-        extras=ReportExtras(history=HISTORY),
-    )
-    assert "The paths of the classes were not at hand." in said((folder / "r.html").read_text())
+    words = said(page(tmp_path, warehouse(), result))
+    assert "The paths of the classes were not at hand." in words
 
 
-def test_names_of_classes_are_never_markup(tmp_path):
+def test_names_of_classes_are_never_markup(case, tmp_path):
     scenario = warehouse()
-    folder = tmp_path / "warehouse"
-    result = with_speed_graph(folder, scenario)
+    result = copy.deepcopy(case[0])
     evil = "<script>alert(1)</script>/$x$\u202e"
     result["plans"]["speed_graph"]["classes"] = [class_row(1, evil, 25.0, certified=False, failed=[evil])]
     known = drawing(scenario).classes[0]
     named = ClassDrawing(rank=1, name=evil, points=known.points, motion=known.motion)
     extras = ReportExtras(speed_graph=SpeedGraphDrawing(classes=[named]))
-    write_report(folder / "r.html", scenario=scenario, result=result, folder=folder, extras=extras)
-    page = Page((folder / "r.html").read_text(encoding="utf-8"))
-    assert page.all("script") == []
-    assert "<script>alert(1)</script>/$x$" in page.text
+    text = page(tmp_path, scenario, result, extras)
+    shown = Page(text)
+    assert shown.all("script") == []
+    assert "<script>alert(1)</script>/$x$" in shown.text

@@ -38,7 +38,11 @@ def halo(text: Text) -> Text:
 
 
 def label_curves(
-    axes: Axes, curves: Sequence[Curve], *, size: float = 10.0, gaps: tuple[float, ...] = (4.0, 12.0)
+    axes: Axes,
+    curves: Sequence[Curve],
+    *,
+    size: float = 10.0,
+    gaps: tuple[float, ...] = (4.0, 12.0),
 ) -> None:
     """Write each curve's text beside it where it covers fewest points of all the curves.
 

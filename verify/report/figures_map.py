@@ -215,7 +215,7 @@ def _scale_bar(axes: Axes, at: tuple[float, float], width: float) -> None:
 
 
 def _names(axes: Axes, world: World) -> None:
-    arrange(axes.figure.figure)
+    arrange(axes.figure.figure, final=False)
     for obstacle in world.obstacles:
         name = label(obstacle.name)
         if not name:

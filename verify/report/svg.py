@@ -84,14 +84,17 @@ def new_axes(width: float, height: float, *, x: str, y: str) -> tuple[Figure, Ax
     return figure, axes
 
 
-def arrange(figure: Figure) -> None:
+def arrange(figure: Figure, *, final: bool = True) -> None:
     """Put all axes where they will stand, so that pixels can be reckoned; nothing is drawn.
 
-    As `Figure.draw_without_rendering`, at half its cost: that one also walks through every artist.
+    As `Figure.draw_without_rendering`, at half its cost: that one also walks through every artist. Where
+    it is `final`, everything outside the axes is there already: they stay where they are now.
     """
     layout = figure.get_layout_engine()
     if layout is not None:
         layout.execute(figure)
+    if final:
+        figure.set_layout_engine("none")
     for axes in figure.axes:
         axes.apply_aspect()
 
@@ -125,8 +128,7 @@ def both_widths(
 def to_svg(figure: Figure, *, key: str, title: str, description: str) -> Markup:
     """The figure as one `<svg role="img">` element. The same figure gives the same text."""
     buffer = io.StringIO()
-    arrange(figure)
-    figure.set_layout_engine("none")  # else everything would be drawn once more to no end
+    arrange(figure)  # which leaves no layout to do: that would draw everything once more to no end
     with matplotlib.rc_context({"svg.hashsalt": key}):
         figure.savefig(
             buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
@@ -146,6 +148,8 @@ def to_svg(figure: Figure, *, key: str, title: str, description: str) -> Markup:
     inside = re.sub(r"url\(#([^)]+)\)", rf"url(#{key}-\1)", inside)
     inside = re.sub(r' ?style="([^"]*)"', _attributes, inside)
     inside = re.sub(r' d="([^"]*)"', _rounded, inside)
+    inside = _RIM.sub(_one_path, inside)
+    inside = re.sub(r' [xy]="-?\d+\.\d{3,}"', lambda m: re.sub(r"-?\d+\.\d+", _short, m[0]), inside)
     variables = variable_of_colour()
     inside = re.sub(
         r"#[0-9a-f]{6}\b", lambda m: f"var({variables[m[0]]})" if m[0] in variables else m[0], inside
@@ -167,5 +171,20 @@ def _attributes(match: re.Match[str]) -> str:
 
 
 def _rounded(match: re.Match[str]) -> str:
-    numbers = re.sub(r"-?\d+\.\d{3,}", lambda m: f"{float(m[0]):.2f}".rstrip("0").rstrip("."), match[1])
+    numbers = re.sub(r"-?\d+\.\d{3,}", _short, match[1])
     return f' d="{" ".join(numbers.split())}"'
+
+
+def _short(match: re.Match[str]) -> str:
+    return f"{float(match[0]):.2f}".rstrip("0").rstrip(".")
+
+
+# Letters with a rim come as two outlines, the one below stroked: one outline can say both.
+_RIM = re.compile(
+    r'<path d="([^"]*)" fill="([^"]*)" stroke="([^"]*)" stroke-width="([^"]*)"/>\s*<path d="\1" fill="\2"/>'
+)
+
+
+def _one_path(match: re.Match[str]) -> str:
+    outline, fill, rim, width = match.groups()
+    return f'<path d="{outline}" fill="{fill}" stroke="{rim}" stroke-width="{width}" paint-order="stroke"/>'
