@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from verify.report.numbers import fine_percent, metres, number_in, seconds, seconds_proven, with_unit
+from verify.report.numbers import fine_percent, metres, number_in, percent, seconds, seconds_proven, with_unit
 from verify.report.palette import method
 from verify.report.story import (
     OPTIMA,
@@ -16,6 +16,8 @@ from verify.report.story import (
 )
 from verify.report.story_bound import bracket_sentence, full_sentence
 from verify.report.story_classes import certificate
+from verify.report.story_limits import margin_sentence
+from verify.report.story_stops import stops_sentence
 from verify.report.story_times import (
     ANOTHER_WAY,
     against_best,
@@ -58,6 +60,7 @@ def answer(result: Result, *, rest_ends: bool, through: Sequence[str] = ()) -> l
         sentences.append(f"The variational optimum itself breaks {limits}{repaired}.")
     sentences += _held_back(result)
     sentences += _simulated(result)
+    sentences += filter(None, [stops_sentence(result), margin_sentence(result)])
     return sentences
 
 
@@ -127,14 +130,21 @@ def _baselines(result: Result, *, rest_ends: bool) -> list[str]:
 
 def _held_back(result: Result) -> list[str]:
     """What was kept for the controller, where a plan at the limits could not be followed."""
-    share = number_in(result, "plans", "refined", "limit_share")
-    before = number_in(result, "plans", "refined", "full_limit_time")
+    share, before, after = (
+        number_in(result, "plans", "refined", key)
+        for key in ("limit_share", "full_limit_time", "travel_time")
+    )
     if share is None or before is None:
         return []
+    cost = "" if after is None or before <= 0.0 else f", which takes {_longer(after / before - 1.0)}"
     return [
         f"At the very limits ({seconds(before)}) the simulated vehicle could not follow, so the motion was "
-        f"planned again with {100.0 * share:g}\u00a0% of grip, tip-over, steering and drive limits."
+        f"planned again with {100.0 * share:g}\u00a0% of grip, tip-over, steering and drive limits{cost}."
     ]
+
+
+def _longer(ratio: float) -> str:
+    return f"{percent(ratio)} longer" if ratio >= 0.0 else f"{percent(-ratio)} less long"
 
 
 def _bound(length: float) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from verify.report.stops import StopPaths, read_stop_paths
 from vnav_drake.plan import COLUMNS, Trajectory
 
 Array = NDArray[np.float64]
@@ -21,6 +22,16 @@ EXECUTED = (
     "voronoi_route",
 )  # stand-ins for trajectory.csv, best first
 LONGEST_TEXT = 60_000  # characters of a scenario file that the page repeats
+SIMULATION, SINGLE_TRACK = "simulation.csv", "simulation_single_track.csv"
+STOPS, REPLAY = "stops.npz", "replay.html"
+_MOTION = ("t", "x", "y", "heading", "v")
+
+WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+# Columns of simulation.csv that are drawn where they are there: of any vehicle, then of one with four wheels.
+CHANNELS = (
+    "steering", "steering_command", "lateral_acceleration", "mode", "tilt", "least_load",
+    *(f"{kind}_{wheel}" for kind in ("load", "slip", "torque") for wheel in WHEELS),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -32,6 +43,14 @@ class SimulatedRun:
     y: Array  # (m,) [m]
     heading: Array  # (m,) [rad]
     v: Array  # (m,) [m/s]
+    # name -> (m,): load_* [N], slip_* [m/s], torque_* [N m], steering* and tilt [rad], mode 0 to 3, ...
+    channels: Mapping[str, Array] = field(default_factory=dict)
+
+    def of_wheels(self, kind: str) -> dict[str, Array]:
+        """The channel `kind` of all four wheels, wheel -> (m,); empty unless all are there."""
+        found = {wheel: self.channels.get(f"{kind}_{wheel}") for wheel in WHEELS}
+        whole = {wheel: values for wheel, values in found.items() if values is not None}
+        return whole if len(whole) == len(WHEELS) else {}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +63,9 @@ class Evidence:
     simulation: SimulatedRun | None
     scenario_text: str | None
     reasons: Mapping[str, str]  # file -> why it is not here
+    single_track: SimulatedRun | None = None  # the quick model's run, where both models were asked for
+    stops: StopPaths | None = None
+    has_replay: bool = False
 
     def reason(self, *files: str) -> str:
         """Why what is drawn from `files` is missing."""
@@ -51,7 +73,7 @@ class Evidence:
 
 
 def read_evidence(folder: Path) -> Evidence:
-    """Read all trajectories and the simulated run of a result folder."""
+    """Read all trajectories, the simulated run and the emergency stops of a result folder."""
     reasons: dict[str, str] = {}
     plans = {}
     for name in PLANS:
@@ -64,15 +86,43 @@ def read_evidence(folder: Path) -> Evidence:
     if executed is None:
         name = next((name for name in EXECUTED if name in plans), "")
         executed = plans.get(name)
-    columns = _columns(folder, "simulation.csv", ("t", "x", "y", "heading", "v"), reasons)
+    stops, reason = read_stop_paths(folder)
+    if reason:
+        reasons[STOPS] = reason
     return Evidence(
         plans=plans,
         executed=executed,
         executed_plan=name,
-        simulation=None if columns is None else SimulatedRun(**columns),
+        simulation=_run(folder, SIMULATION, reasons),
         scenario_text=_scenario_text(folder, reasons),
         reasons=reasons,
+        single_track=_run(folder, SINGLE_TRACK, reasons),
+        stops=stops,
+        has_replay=(folder / REPLAY).is_file(),
     )
+
+
+def _run(folder: Path, file: str, reasons: dict[str, str]) -> SimulatedRun | None:
+    columns = _columns(folder, file, _MOTION, reasons)
+    if columns is None:
+        return None
+    more = _optional(folder / file, len(columns["t"]))
+    return SimulatedRun(**columns, channels=more)
+
+
+def _optional(file: Path, rows: int) -> dict[str, Array]:
+    """Those of `CHANNELS` that `file` has, all numbers finite: a spoilt column is as good as absent."""
+    with file.open(encoding="utf-8") as lines:
+        header = [name.strip() for name in lines.readline().split(",")]
+        names = [name for name in CHANNELS if name in header]
+        if not names:
+            return {}
+        try:
+            table = np.loadtxt(lines, delimiter=",", ndmin=2, usecols=[header.index(name) for name in names])
+        except ValueError:
+            return {}
+    columns = zip(names, table.T.copy(), strict=True) if len(table) == rows else ()
+    return {name: values for name, values in columns if np.all(np.isfinite(values))}
 
 
 def _same(one: Trajectory, other: Trajectory) -> bool:

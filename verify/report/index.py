@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from verify.report import story
 from verify.report.html import render, write_whole
-from verify.report.numbers import metres, number_in, percent, seconds, seconds_proven
+from verify.report.numbers import DASH, metres, number_in, percent, seconds, seconds_proven
 from verify.report.wording import VERDICTS
 
 
@@ -29,6 +29,7 @@ class IndexRow:
     lower_bound: str
     gap: str
     simulated: str
+    stops: str
     gates: str
 
 
@@ -63,5 +64,6 @@ def _row(name: str, result: Mapping[str, Any]) -> IndexRow:
         lower_bound=seconds_proven(times.get("lower_bound")),
         gap=story.gap_figure(result, "certified"),
         simulated=seconds(times.get("simulation")),
+        stops=story.stops_figure(result) or DASH,
         gates=", ".join(f"{number} {word}" for word, number in counts.items() if number) or "none",
     )

@@ -27,12 +27,13 @@ from verify.report.figures_motion import FrictionData, SpeedData, draw_friction,
 from verify.report.figures_potential import Way, draw_potential, draw_slack
 from verify.report.figures_space import draw_space
 from verify.report.figures_time import BracketData, BracketRow, draw_bracket
-from verify.report.figures_tracking import TrackingData, draw_tracking
 from verify.report.figures_unfolded import draw_unfolded
 from verify.report.html import render, write_whole
 from verify.report.numbers import duration, number_in, significant
 from verify.report.palette import METHODS, method
+from verify.report.section import Section
 from verify.report.series import margins, mesh_of
+from verify.report.simulation import Wired, simulation_sections, wiring
 from verify.report.space_data import space_data
 from verify.report.story_bound import BoundStory, bound_story, closing, full_bound, upper
 from verify.report.story_classes import analytic_row, class_rows, graph_words
@@ -65,14 +66,7 @@ class ReportExtras:
     timings: Mapping[str, float] = field(default_factory=dict)  # stage -> [s]
     speed_graph: SpeedGraphDrawing = field(default_factory=SpeedGraphDrawing)
     vc_method: VcDrawing | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Section:
-    """Pictures under one heading, or why there are none."""
-
-    pictures: Sequence[Picture]
-    missing: str = ""
+    diagram_of_systems: Wired | None = None  # what was simulated, for the appendix
 
 
 def write_report(
@@ -170,7 +164,8 @@ def write_report(
         rounds=[
             (method(name), story.history_rows(rounds)) for name, rounds in extras.history.items() if rounds
         ],
-        tracking=_tracking(problem, evidence, plan),
+        **simulation_sections(scenario, result, evidence, plan),
+        **wiring(extras.diagram_of_systems),
         not_evaluated=story.not_evaluated(result, evidence),
         scenario_text=evidence.scenario_text,
         scenario_reason=evidence.reason("scenario.yaml"),
@@ -345,14 +340,6 @@ def _mesh(problem: Problem, result: Mapping[str, Any], evidence: Evidence, extra
     pictures = draw_mesh(data)
     reason = evidence.reason("trajectories/collocation.csv", "trajectories/refined.csv")
     return Section(pictures=pictures, missing=f"Not drawn: {reason}." if reason else "")
-
-
-def _tracking(problem: Problem, evidence: Evidence, plan: str) -> Section:
-    if evidence.executed is None or evidence.simulation is None:
-        reason = evidence.reason("trajectory.csv", "simulation.csv")
-        return Section(pictures=(), missing=f"No simulated run to draw: {reason}.")
-    data = TrackingData(world=problem.world, plan=evidence.executed, method=plan, run=evidence.simulation)
-    return Section(pictures=draw_tracking(data))
 
 
 def _robot_rows(problem: Problem) -> list[tuple[str, str, str]]:

@@ -81,6 +81,9 @@ class Tone:
 
 INK = Tone("#1f2328", "#e8eaed")  # text and axes
 MUTED = Tone("#5b6470", "#a9b1bb")  # secondary text, ticks
+STRAIGHTENED = Tone("#4d6a9a", "#9db7e8")  # stops with the wheels straightened
+FRONT_WHEEL = Tone("#472c86", "#d3c4ff")  # wheels: front and rear by lightness, left and right by dash
+REAR_WHEEL = Tone("#a17fd0", "#8d6fc4")
 RULE = Tone("#d5dae0", "#3b424b")  # grid lines
 PAPER = Tone("#fefefe", "#161a1f")  # ground of figures
 FLOOR = Tone("#f8f8f6", "#1d2228")  # free floor on maps
@@ -155,6 +158,9 @@ _TONES: Mapping[str, Tone] = MappingProxyType(
         "--rack-edge": RACK_EDGE,
         "--arc": ARC,
         "--limit": LIMIT,
+        "--straightened": STRAIGHTENED,
+        "--front-wheel": FRONT_WHEEL,
+        "--rear-wheel": REAR_WHEEL,
         "--bad-fill": BAD_FILL,
         "--casing": CASING,
         **{rank_variable(k): tone for k, tone in enumerate(RANKS, 1)},

@@ -259,7 +259,21 @@ def key_figures(result: Result, evidence: Evidence) -> list[KeyFigure]:
     error = number_in(result, "simulation", "max_tracking_error")
     if error is not None:
         figures.append(KeyFigure("Largest tracking error", with_unit(error, "m"), "in simulation"))
+    stops = stops_figure(result)
+    if stops:
+        least = number_in(result, "simulation", "emergency_stops", "min_clearance")
+        note = "" if least is None else f"least clearance {with_unit(least, 'm')}"
+        figures.append(KeyFigure("Bad emergency stops", stops, note))
+    factor = number_in(result, "simulation", "margin", "factor")
+    if factor is not None:
+        figures.append(KeyFigure("Speed in hand", f"{significant(factor)} times", "that it still holds"))
     return figures
+
+
+def stops_figure(result: Result) -> str:
+    """Bad emergency stops of those that were tried, "" where none were judged."""
+    bad, tried = (number_in(result, "simulation", "emergency_stops", key) for key in ("bad", "tried"))
+    return "" if bad is None or not tried else f"{count(bad)} of {count(tried)}"
 
 
 def headline(result: Result) -> str:
@@ -319,6 +333,8 @@ def not_evaluated(result: Result, evidence: Evidence) -> list[tuple[str, str]]:
         "simulation.csv",
         "scenario.yaml",
     )
+    if mapping(mapping(result, "simulation"), "emergency_stops"):
+        files = (*files, "stops.npz")
     rows += [(f"Picture of {file}", evidence.reasons[file]) for file in files if file in evidence.reasons]
     return [(what, why or "no reason was recorded") for what, why in rows]
 

@@ -260,4 +260,31 @@ GLOSSARY: tuple[tuple[str, str, str], ...] = (
         "Greatest breach of a limit divided by the limit, bounded between rows of the trajectory as well.",
         "Derived: distance is 1-Lipschitz and semiconcave along an arc",
     ),
+    (
+        "Emergency stop",
+        "At an instant of the run the brakes are commanded: once with the steering held, once with the "
+        "wheels straightened. It is bad when the vehicle collides, falls or does not come to rest; with the "
+        "friction reserve also when it leaves the disc of the braking distance.",
+        f"{THESIS}, Definition 9, takes that disc for the braking zone; sharing of friction derived",
+    ),
+    (
+        "Friction reserve",
+        "v²|κ| ≤ √((μg)² − a_b²): what full braking needs of the friction is left while turning.",
+        "Derived from Kamm's circle",
+    ),
+    (
+        "Slip",
+        "Speed of a wheel's contact patch over the floor; a rolling wheel has next to none.",
+        "Coulomb friction at the contact point of each wheel",
+    ),
+    (
+        "Wheel load",
+        "Force between a wheel and the floor; at rest a quarter of the weight. None is left when it lifts.",
+        "contact force of the simulation",
+    ),
+    (
+        "Speed in hand",
+        "How far the whole speed profile can be scaled before the vehicle slides, tips or leaves its path.",
+        "found by bisection on the simulated vehicle",
+    ),
 )

@@ -1,0 +1,181 @@
+"""The emergency stops: where they end, how far they go, how near they come."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from verify.report.curves import Curve, halo, label_points
+from verify.report.evidence import SimulatedRun
+from verify.report.figures_map import draw_ends, draw_world, map_height
+from verify.report.numbers import significant, with_unit
+from verify.report.palette import CASING, INK, LIMIT, PAPER, STRAIGHTENED, method
+from verify.report.series import thinned_path
+from verify.report.stops import LEAST_CLAIM, StopPaths
+from verify.report.story_stops import FailedStop
+from verify.report.svg import PANEL, WIDE, Picture, both_widths, drawing_style, new_axes, to_svg
+from vnav_drake.plan import Trajectory
+from vnav_drake.problem import Problem
+
+Array = NDArray[np.float64]
+
+MOST_NAMED = 6  # causes written beside failed stops: more are noise, the table has them all
+DASHED = (0, (3.5, 1.8))  # wheels straightened
+
+
+@dataclass(frozen=True, kw_only=True)
+class StopsData:
+    """The stops, the run they belong to, and those that failed."""
+
+    problem: Problem
+    stops: StopPaths
+    run: SimulatedRun | None
+    executed: Trajectory | None
+    failed: Sequence[FailedStop] = ()
+
+    @cached_property
+    def nearest(self) -> tuple[Array, NDArray[np.int64]]:
+        """(n,) [m] least clearance of each stop, and the row it is in."""
+        return self.stops.nearest(self.problem)
+
+
+def draw_stops_map(data: StopsData) -> Picture:
+    """Every stop as a line from its instant; those that failed drawn strong, with their cause."""
+    bad = [stop for stop in data.failed if 0 <= stop.index < len(data.stops)]
+    least, _ = data.nearest
+    described = {
+        "key": "stops-map",
+        "title": "Emergency stops on the map",
+        "description": f"{len(data.stops)} stops drawn from their instants along the driven path; the least "
+        f"clearance is {with_unit(float(least.min()), 'm')}, where the ring is. "
+        + (f"{len(bad)} failed ones are drawn strong." if bad else "None failed."),
+    }
+    return both_widths(partial(_map, data, bad), described)
+
+
+def _map(data: StopsData, bad: Sequence[FailedStop], described: dict[str, str], width: float) -> Markup:
+    world, wide = data.problem.world, width == WIDE
+    figure, axes = new_axes(width, map_height(world, width, bar=False), x="x [m]", y="y [m]")
+    draw_world(axes, world, names=wide)
+    size, held = world.diameter, method("simulation")
+    if data.run is not None:
+        axes.plot(*thinned_path(data.run.x, data.run.y, size), color=CASING.light, lw=1.0)
+    lines = [np.column_stack(thinned_path(x, y, size)) for x, y in data.stops.paths()]
+    for kind, colour, dash in ((False, held.light, "solid"), (True, STRAIGHTENED.light, DASHED)):
+        some = [
+            line for line, straight in zip(lines, data.stops.straightened, strict=True) if straight == kind
+        ]
+        if some:
+            broken = np.concatenate([part for line in some for part in (line, [[np.nan, np.nan]])])
+            axes.plot(*broken.T, color=colour, lw=1.1 if wide else 0.8, ls=dash, dash_capstyle="butt")
+    for stop in bad:
+        dash = DASHED if data.stops.straightened[stop.index] else "solid"
+        axes.plot(*lines[stop.index].T, color=LIMIT.light, lw=2.6 if wide else 2.0, ls=dash, zorder=4)
+    draw_ends(axes, data.problem, data.executed, filled=False)
+    _nearest(axes, data)
+    for k, stop in enumerate(bad):
+        place = stop.place or tuple(lines[stop.index][-1])
+        axes.plot(*place, "X", ms=9, mfc=LIMIT.light, mec=PAPER.light, mew=1.0, zorder=6)
+        if k < MOST_NAMED and wide:
+            words = stop.cause_word
+            text = axes.annotate(
+                words, place, (7, 7), textcoords="offset points", color=LIMIT.light, weight="bold", zorder=6
+            )
+            halo(text)
+    return to_svg(figure, **described)
+
+
+def _nearest(axes: Axes, data: StopsData) -> None:
+    """A ring where a stop comes nearest, with the clearance there."""
+    least, row = data.nearest
+    i = int(np.argmin(least))
+    place = np.array([data.stops.x[row[i]], data.stops.y[row[i]]])
+    axes.plot(*place, "o", mfc="none", mec=INK.light, ms=11, mew=1.5, zorder=5)
+    driven = [] if data.run is None else [Curve(x=data.run.x, y=data.run.y)]
+    label_points(axes, {with_unit(float(least[i]), "m"): place}, 7.0, driven)
+
+
+def draw_stop_figures(data: StopsData) -> Sequence[Picture]:
+    """Way driven and displacement over the braking distance claimed, and least clearance, by instant."""
+    stops, problem = data.stops, data.problem
+    claimed = stops.claimed(problem.braking)
+    moving = claimed >= LEAST_CLAIM
+    share = np.where(moving, 1.0, np.nan) / np.where(moving, claimed, 1.0)
+    law = "v t_r + v²/(2 a_b)" if problem.braking.reaction_time > 0.0 else "v²/(2 a_b)"
+    least, _ = data.nearest
+    note = f" Stops that claim less than {LEAST_CLAIM:g} m are left out." if not moving.all() else ""
+    with drawing_style():
+        return [
+            _dots(
+                data, "stops-distance", "Way driven until it stands", stops.driven * share,
+                f"way driven over {law}", (1.0, "braking distance"), note,
+            ),
+            _dots(
+                data, "stops-displacement", "Farthest from where it began", stops.displacement * share,
+                f"distance over {law}", (1.0, "rim of the braking disc"), note,
+            ),
+            _dots(
+                data, "stops-clearance", "Least clearance of each stop", least, "clearance [m]",
+                (0.0, "touches"), "", unit="m",
+            ),
+        ]  # fmt: skip
+
+
+def _dots(
+    data: StopsData, key: str, title: str, value: Array, axis: str, limit: tuple[float, str], note: str,
+    unit: str = "",
+) -> Picture:  # fmt: skip
+    stops, held = data.stops, method("simulation")
+    figure, axes = new_axes(PANEL, 250, x="instant of the stop [s]", y=axis)
+    shown = np.isfinite(value)
+    for kind, marker, fill, edge in (
+        (False, "o", held.light, held.light),
+        (True, "D", "none", STRAIGHTENED.light),
+    ):
+        some = shown & (stops.straightened == kind)
+        t, y, size = stops.instant[some], value[some], 3.4 if kind else 3.8
+        axes.plot(t, y, marker, ms=size, mfc=fill, mec=edge, mew=0.9, ls="none")
+    bad = [stop.index for stop in data.failed if 0 <= stop.index < len(stops) and shown[stop.index]]
+    axes.plot(stops.instant[bad], value[bad], "X", ms=8, mfc=LIMIT.light, mec=PAPER.light, mew=0.8, ls="none")
+    axes.axhline(limit[0], color=LIMIT.light, lw=1.4, ls="--")
+    known = np.append(value[shown], limit[0])
+    low, high = float(known.min()), float(known.max())
+    reach = max(high - low, 0.05)
+    axes.set_ylim(low - 0.16 * reach, high + 0.16 * reach)
+    axes.set_xlim(0.0, max(float(stops.instant[-1]) * 1.02, 1e-3))
+    late = shown & (stops.instant > 0.6 * float(stops.instant[-1]))
+    apart = 0.02 * reach
+    above = np.count_nonzero(value[late] > limit[0] + apart) < np.count_nonzero(
+        value[late] < limit[0] - apart
+    )
+    text = axes.annotate(
+        limit[1], (1.0, limit[0]), (-4, 4 if above else -5), xycoords=("axes fraction", "data"),
+        textcoords="offset points", color=LIMIT.light, ha="right", va="bottom" if above else "top",
+        fontsize=10,
+    )  # fmt: skip
+    halo(text)
+    spoken = _spread(stops, value, unit) + note
+    svg = to_svg(figure, key=key, title=title, description=spoken)
+    return Picture(key=key, title=title, description=spoken, svg=svg, heading=title, caption=spoken)
+
+
+def _spread(stops: StopPaths, value: Array, unit: str) -> str:
+    """From least to greatest, for both kinds of stops."""
+    parts = []
+    for kind, name in ((False, "Steering held"), (True, "wheels straightened")):
+        some = value[(stops.straightened == kind) & np.isfinite(value)]
+        if len(some):
+            low, high = float(some.min()), float(some.max())
+            words = (
+                f"{with_unit(low, unit)} to {with_unit(high, unit)}"
+                if unit
+                else f"{significant(low, 4)} to {significant(high, 4)}"
+            )
+            parts.append(f"{name}: {words}")
+    return "; ".join(parts) + "." if parts else "No stop to show."

@@ -1,0 +1,239 @@
+"""The emergency stops in words: what the judge counted, what failed, and what it says about braking zones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verify.judge.stops import SETTLING, STEP
+from verify.report.evidence import SimulatedRun
+from verify.report.numbers import DASH, count, number_in, seconds, significant, with_unit
+from verify.report.stops import StopPaths
+from verify.report.story import Result, entries, mapping, words
+from verify.report.text import label, plain
+from vnav_drake.problem import Problem
+
+CAUSE_LENGTH = 40  # characters of a cause in a picture
+WORST_CHORD = 4.0 * np.sin(np.pi / 8.0)  # chord over v^2/(2 a_b) of a stop at lambda = 1, see `finding`
+NO_RESERVE = 0.1  # of a_b: what is left to turn with where a_b takes about all the friction
+_COUNTS = (  # key, one, several
+    ("collisions", "collides", "collide"),
+    ("falls", "falls over", "fall over"),
+    ("not_stopped", "does not come to rest", "do not come to rest"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FailedStop:
+    """One stop that the gate counts."""
+
+    index: int  # of stops.npz, -1 where that is not told
+    cause: str
+    place: tuple[float, float] | None  # [m]
+    row: tuple[str, ...]  # instant, wheels, cause, where, after, by how much
+
+    @property
+    def cause_word(self) -> str:
+        """The cause as it is drawn."""
+        return label(self.cause, CAUSE_LENGTH) or "failed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StopStory:
+    """What the page says about the stops."""
+
+    sentences: Sequence[str] = ()
+    finding: Sequence[str] = ()  # where stops leave the disc that they claim
+    failed: Sequence[FailedStop] = ()
+    unlisted: str = ""  # how many failed ones are not in the list
+    missing: str = ""
+
+
+def audit(result: Result) -> Mapping[str, Any]:
+    """What the judge found of the stops, empty when it judged none."""
+    found = mapping(mapping(result, "simulation"), "emergency_stops")
+    return found if number_in(found, "tried") else {}
+
+
+def stops_sentence(result: Result) -> str:
+    """The stops in one sentence, "" when there are none."""
+    found = audit(result)
+    tried = number_in(found, "tried")
+    if tried is None:
+        return ""
+    least = number_in(found, "min_clearance")
+    near = "" if least is None else f", least clearance {with_unit(least, 'm')}"
+    return f"{count(tried)} emergency stops on the way: {_outcome(found, tried)}{near}."
+
+
+def _outcome(found: Mapping[str, Any], tried: float) -> str:
+    """None collides; or how many do what, with those that the gate counts for another reason."""
+    parts, told = [], 0.0
+    for key, one, several in _COUNTS:
+        number = number_in(found, key)
+        if number:
+            told += number
+            parts.append(f"{count(number)} {one if number == 1 else several}")
+    bad = number_in(found, "bad") or 0.0
+    if bad and bad > told:
+        parts.append(
+            f"{count(bad)} count against the gate in all" if parts else f"{count(bad)} count against the gate"
+        )
+    if parts:
+        return ", ".join(parts)
+    return "none collides" if number_in(found, "collisions") == 0.0 else "no count of collisions was recorded"
+
+
+def stop_story(
+    result: Result, problem: Problem, stops: StopPaths | None, run: SimulatedRun | None, *, asked: bool
+) -> StopStory:
+    """The stops in words; `asked`: whether the scenario asks for any."""
+    found = audit(result)
+    if not found:
+        gate = next((g for g in entries(result, "gates") if g.get("name") == "emergency_stops"), {})
+        reason = plain(words(gate.get("reason"))).removeprefix("not evaluated: ")
+        if not asked:
+            reason = "the scenario asks for none (simulation.stops: 0)"
+        return StopStory(missing=f"No emergency stops: {reason or 'none were judged'}.")
+    failed = [_failed(item) for item in entries(found, "failed")]
+    bad = number_in(found, "bad") or 0.0
+    more = int(bad) - len(failed)
+    return StopStory(
+        sentences=_sentences(found, problem),
+        finding=[] if stops is None else finding(found, problem, stops, run),
+        failed=failed,
+        unlisted=f"{count(more)} more failed and are not listed." if failed and more > 0 else "",
+    )
+
+
+def _sentences(found: Mapping[str, Any], problem: Problem) -> list[str]:
+    tried, instants = number_in(found, "tried") or 0.0, number_in(found, "instants")
+    at = f"{count(instants)} instants, " if instants else ""
+    least = number_in(found, "min_clearance")
+    near = "" if least is None else f", least clearance {with_unit(least, 'm')}"
+    sentences = [
+        f"{count(tried)} stops ({at}steering held and wheels straightened): {_outcome(found, tried)}{near}."
+    ]
+    law = "v t_r + v²/(2 a_b)" if problem.braking.reaction_time > 0.0 else "v²/(2 a_b)"
+    held, straight = (number_in(found, kind, "worst_distance_ratio") for kind in ("held", "straightened"))
+    if held is not None and straight is not None:
+        sentences.append(
+            f"With the steering held a stop takes up to {significant(held)} times {law}, "
+            f"with the wheels straightened up to {significant(straight)} times."
+        )
+    if problem.braking.reaction_time > 0.0:
+        sentences.append(f"The brakes act {problem.braking.reaction_time:g}\u00a0s after the command.")
+    slid, lifted = number_in(found, "slid"), number_in(found, "lifted")
+    if slid is not None and lifted is not None:
+        sentences.append(f"{_number(slid)} slid on the way, {_number(lifted).lower()} lifted a wheel.")
+    return sentences
+
+
+def _number(value: float) -> str:
+    return "None" if value == 0.0 else count(value)
+
+
+def finding(
+    found: Mapping[str, Any], problem: Problem, stops: StopPaths, run: SimulatedRun | None
+) -> list[str]:
+    """Stops that leave the disc of the braking distance, and why; nothing where none does.
+
+    Derived: with the steering held a stop is an arc of curvature kappa, on which turning and braking share
+    the friction mu g. With sin(theta) = kappa v^2/(mu g) and braking as hard as friction allows,
+    d(theta)/ds = -2 kappa: from lambda = sin(theta) the arc is asin(lambda)/(2 kappa) long and its chord
+    (2/kappa) sin(asin(lambda)/4): 4 sin(asin(lambda)/4)/lambda times v^2/(2 mu g), 1.531 at lambda = 1.
+    """
+    left = number_in(found, "left_zone")
+    if not left:
+        return []
+    tried, worst = number_in(found, "tried") or 0.0, number_in(found, "worst_displacement_ratio")
+    held, straight = (number_in(found, kind, "left_zone") for kind in ("held", "straightened"))
+    kinds = "" if held is None or straight is None else (
+        f": {_number(held).lower()} with steering held, {_number(straight).lower()} with the wheels straight"
+    )  # fmt: skip
+    far = "" if worst is None else f", at the worst {significant(worst, 4)} times its radius away"
+    sentences = [
+        f"{count(left)} of {count(tried)} stops leave the disc of the braking distance around the place where"
+        f" they begin{far}{kinds}."
+    ]
+    shared, turn = sharing(problem, stops, run)
+    if shared.any():
+        sentences += _source(problem, int(shared.sum()), turn)
+    elif turn > 0.0:
+        sentences.append(
+            "At these instants the friction would have sufficed to turn and to brake in full: what is driven "
+            "too far is the vehicle's own, whose brakes do not act at once."
+        )
+    if problem.friction_reserve:
+        sentences.append("As braking.friction_reserve is asked for, each of them counts as failed.")
+    elif shared.any():
+        sentences.append(_cure(problem))
+    return sentences
+
+
+def _source(problem: Problem, shared: int, turn: float) -> list[str]:
+    """What the data say of `shared` stops, up to lambda = `turn`, and what that means for the source."""
+    robot = problem.robot
+    spared = robot.friction_acceleration * float(np.sqrt(max(0.0, 1.0 - min(turn, 1.0) ** 2)))
+    return [
+        f"In {count(shared)} of them the steering was held in a bend, where turning and braking share the "
+        f"friction: with λ = κv²/(μg), here up to {significant(turn)}, only μg√(1 − λ²) = "
+        f"{with_unit(spared, 'm/s²')} are left to brake with, less than "
+        f"a_b = {with_unit(robot.max_braking, 'm/s²')}.",
+        "This is a finding about the source, too: with μg = a_b such a stop is an arc asin(λ)/(2κ) long, "
+        f"whose chord is up to {WORST_CHORD:.3f} times v²/(2 a_b) (at λ = 1), outside the disc that Manor "
+        "2015, Definition 9, takes for the braking zone.",
+    ]
+
+
+def _cure(problem: Problem) -> str:
+    law = "braking.friction_reserve keeps v²|κ| ≤ √((μg)² − a_b²), so that full braking is left in every bend"
+    if problem.robot.reserved_lateral_acceleration() > NO_RESERVE * problem.robot.max_braking:
+        return f"{law}: it cures this."
+    return (
+        f"{law}; here it would forbid to turn at all, as a_b takes all of μg: it cures this with a lower a_b."
+    )
+
+
+def sharing(problem: Problem, stops: StopPaths, run: SimulatedRun | None) -> tuple[NDArray[np.bool_], float]:
+    """Stops (n,) that leave their disc, steering held, where turning leaves less friction than a_b needs.
+
+    And the greatest lambda of those, or of all that leave it where there are none; 0 where none was recorded.
+    """
+    away = stops.displacement > stops.claimed(problem.braking) + SETTLING + STEP * stops.speed
+    sway = None if run is None else run.channels.get("lateral_acceleration")
+    if run is None or sway is None or not away.any():
+        return np.zeros(len(stops), dtype=bool), 0.0
+    share = np.abs(np.interp(stops.instant, run.t, sway)) / problem.robot.friction_acceleration
+    spared = problem.robot.friction_acceleration * np.sqrt(np.maximum(1.0 - np.square(share), 0.0))
+    shared = away & ~stops.straightened & (spared < problem.robot.max_braking)
+    return shared, float(share[shared if shared.any() else away].max())
+
+
+def _failed(item: Mapping[str, Any]) -> FailedStop:
+    index, x, y = (number_in(item, key) for key in ("stop", "x", "y"))
+    cause = plain(words(item.get("cause"))) or "failed"
+    place = None if x is None or y is None else (x, y)
+    straight = item.get("straightened")
+    amounts = (  # whichever the judge tells of its cause
+        (f"{with_unit(number, unit)} {word}")
+        for key, unit, word in (("depth", "m", "deep"), ("speed", "m/s", "left"), ("beyond", "m", "too far"))
+        if (number := number_in(item, key)) is not None
+    )
+    return FailedStop(
+        index=-1 if index is None or not 0.0 <= index < 1e9 else int(index),
+        cause=cause,
+        place=place,
+        row=(
+            seconds(number_in(item, "instant")),
+            "straightened" if straight is True else "held" if straight is False else DASH,
+            cause,
+            DASH if place is None else f"({place[0]:.2f}, {place[1]:.2f})\u00a0m".replace("-", "−"),
+            seconds(number_in(item, "t")),
+            next(amounts, DASH),
+        ),
+    )
