@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context
 
-from systems.diagram import TrackingDiagram, tracking_diagram
+from systems.diagram import LOG_PERIOD, TrackingDiagram, tracking_diagram
 from systems.four_wheel import WHEELS
 from systems.run import SLIDE_DEMAND
 from systems.simulation import SimulationError, check_motion, mode_of, started
@@ -114,7 +114,8 @@ def stop_instants(duration: float, count: int, period: float) -> Array:
 
 def _snapshots(loop: TrackingDiagram, trajectory: Trajectory, count: int) -> tuple[Array, list[Context]]:
     """States of the run at the instants, before the controller's tick there."""
-    instants = stop_instants(trajectory.travel_time, count, loop.period)
+    # where the controller decides and the log has a row: one period is a multiple of the other
+    instants = stop_instants(trajectory.travel_time, count, max(loop.period, LOG_PERIOD))
     simulator = started(loop, loop.start)
     context = simulator.get_mutable_context()
     found = []
