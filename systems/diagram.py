@@ -192,25 +192,33 @@ def _add_four_wheel(
 ) -> Vehicle:
     """The plant, and between it and the order: the wheels' commands, the brakes' target speed, the senses.
 
-    A released brake's target is the speed at which its wheel spins, so that it gives no torque; one that is
-    on has the target zero.
+    A brake that is on has the target zero. A released one has the speed at which its wheel will spin at the
+    end of the step if it goes on as in the last, so that it gives no torque: with the speed at the beginning
+    it would resist being sped up like a mass.
     """
     vehicle = add_four_wheel(builder, actual, step)
     plant = vehicle.plant
     count = plant.num_actuators()
     commands = builder.AddNamedSystem("wheel_commands", WheelCommands(vehicle, robot))
     sensing = builder.AddNamedSystem("sensing", Sensing(vehicle))
-    select = np.zeros((2 * count, vehicle.states))
+    spinning = np.zeros((2 * count, vehicle.states))
+    rising = np.zeros((2 * count, plant.num_velocities()))
     for brake, spin in zip(vehicle.brakes, vehicle.spins, strict=True):
-        select[count + brake, plant.num_positions() + spin] = 1.0
-    released = builder.AddNamedSystem("brakes_released", MatrixGain(select))
+        spinning[count + brake, plant.num_positions() + spin] = 1.0
+        rising[count + brake, spin] = step
+    spin = builder.AddNamedSystem("spin", MatrixGain(spinning))
+    rise = builder.AddNamedSystem("spin_rise", MatrixGain(rising))
+    released = builder.AddNamedSystem("brakes_released", Adder(2, 2 * count))
     on = builder.AddNamedSystem("brakes_on", ConstantVectorSource(np.zeros(2 * count)))
     switch = builder.AddNamedSystem("brake_switch", PortSwitch(2 * count))
     targets = builder.AddNamedSystem("targets", Adder(2, 2 * count))
     builder.Connect(order, commands.GetInputPort("order"))
     builder.Connect(order, sensing.GetInputPort("order"))
     builder.Connect(commands.GetOutputPort("torque"), plant.get_actuation_input_port())
-    builder.Connect(plant.get_state_output_port(), released.get_input_port())
+    builder.Connect(plant.get_state_output_port(), spin.get_input_port())
+    builder.Connect(plant.get_generalized_acceleration_output_port(), rise.get_input_port())
+    builder.Connect(spin.get_output_port(), released.get_input_port(0))
+    builder.Connect(rise.get_output_port(), released.get_input_port(1))
     builder.Connect(commands.GetOutputPort("brakes"), switch.get_port_selector_input_port())
     builder.Connect(released.get_output_port(), switch.DeclareInputPort("released"))
     builder.Connect(on.get_output_port(), switch.DeclareInputPort("on"))
