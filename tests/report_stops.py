@@ -29,7 +29,7 @@ def stop_rows(
     x, y, heading, v = start
     rows = [(0.0, x, y, heading, v)]
     fine = 20  # steps of integration between rows
-    while v > 1e-2 and len(rows) * STEP < longest:
+    while (v > 1e-2 or len(rows) < 2) and len(rows) * STEP < longest:
         way = 0.0
         for k in range(fine):
             late = rows[-1][0] + k * STEP / fine < braking.reaction_time

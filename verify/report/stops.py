@@ -81,7 +81,7 @@ def read_stop_paths(folder: Path) -> tuple[StopPaths | None, str]:
     try:
         file = read_stops(folder)
     except EvidenceError as error:
-        return None, f"it cannot be read: {error}"
+        return None, str(error)
     if file is None:
         return None, f"{STOPS} was not written"
     return StopPaths(
