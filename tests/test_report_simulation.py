@@ -26,7 +26,7 @@ from verify.report.figures_stops import StopsData, draw_stop_figures, draw_stops
 from verify.report.html import render
 from verify.report.simulation import graphviz_source, simulation_sections
 from verify.report.stops import StopPaths, read_stop_paths
-from verify.report.story_limits import case_rows, margin, margin_sentences, robustness_sentence
+from verify.report.story_limits import case_rows, margin, margin_sentences, robustness_sentence, shown_columns
 from verify.report.story_stops import WORST_CHORD, sharing, stop_story, stops_sentence
 from vnav_drake.problem import Problem
 
@@ -386,6 +386,7 @@ def test_the_margin_stands_beside_the_analytic_limit():
     assert (
         most == "The vehicle still holds the whole motion at 4.00 times its speed, the most that was tried."
     )
+    assert "at none of the speeds" in margin_sentences(limits(factor=0.0))[0]
     below = margin_sentences(limits(factor=0.9, ended_by="late"))[0]
     assert (
         below == "The vehicle holds the whole motion only at 0.900 times its speed, then it comes too late."
@@ -407,8 +408,12 @@ def test_other_vehicles_have_a_verdict_in_words():
     assert [row.status for row in rows] == ["passed", "passed", "failed"]
     assert rows[2].verdict == "does not hold: it lifts a wheel"
     assert (rows[0].error, rows[0].least_load, rows[0].slid) == ("4.00\u00a0mm", "81\u00a0%", "no")
-    assert robustness_sentence(rows).startswith("The controller copes with 2 of 3 vehicles")
-    assert "all 2 vehicles" in robustness_sentence(rows[:2])
+    assert robustness_sentence(rows).startswith("The controller copes with 2 of 3 cases")
+    assert "all 2 cases" in robustness_sentence(rows[:2])
+    assert [key for key, _ in shown_columns(rows)] == ["error", "travel_time", "least_load", "slid"]
+    assert shown_columns(case_rows({"simulation": {"robustness": [{"case": "a", "max_lateness": 0.1}]}})) == [
+        ("lateness", "Greatest delay")
+    ]
 
 
 @pytest.mark.parametrize(

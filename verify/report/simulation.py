@@ -16,7 +16,7 @@ from verify.report.figures_stops import StopsData, draw_stop_figures, draw_stops
 from verify.report.figures_tracking import TrackingData, draw_tracking
 from verify.report.numbers import number_in, seconds, with_unit
 from verify.report.section import Section
-from verify.report.story_limits import case_rows, margin, margin_sentences, robustness_sentence
+from verify.report.story_limits import case_rows, margin, margin_sentences, robustness_sentence, shown_columns
 from verify.report.story_stops import StopStory, stop_story
 from verify.report.text import plain
 
@@ -47,6 +47,7 @@ def simulation_sections(scenario: Scenario, result: Result, evidence: Evidence, 
         "limits": _limits(scenario, result),
         "limits_told": margin_sentences(result),
         "cases": cases,
+        "case_columns": shown_columns(cases),
         "cases_told": robustness_sentence(cases),
         "models": _models(result),
         "replay": REPLAY if evidence.has_replay else "",

@@ -38,12 +38,13 @@ class Margin:
 
 @dataclass(frozen=True, kw_only=True)
 class CaseRow:
-    """One run with other parameters than the controller believes."""
+    """One run with another vehicle or start than the controller believes."""
 
     case: str
     status: str
     verdict: str
     error: str
+    lateness: str
     travel_time: str
     least_load: str
     slid: str
@@ -85,6 +86,8 @@ def margin_sentence(result: Result) -> str:
     found = margin(result)
     if found is None or found.factor is None:
         return ""
+    if found.factor <= 0.0:
+        return "The vehicle holds the whole motion at none of the speeds that were tried."
     times = f"{significant(found.factor)} times"
     if found.ended_by.startswith(NOTHING):
         return f"The vehicle still holds the whole motion at {times} its speed, the most that was tried."
@@ -121,6 +124,18 @@ def margin_sentences(result: Result) -> list[str]:
     return sentences
 
 
+def shown_columns(rows: Sequence[CaseRow]) -> list[tuple[str, str]]:
+    """Name and heading of the figures that any row has."""
+    every = (
+        ("error", "Largest lateral error"),
+        ("lateness", "Greatest delay"),
+        ("travel_time", "Travel time"),
+        ("least_load", "Least wheel load"),
+        ("slid", "Slid"),
+    )
+    return [(key, title) for key, title in every if any(getattr(row, key) != DASH for row in rows)]
+
+
 def case_rows(result: Result) -> list[CaseRow]:
     """Runs with other friction, mass, height or start than the controller believes."""
     return [_case(item) for item in entries(mapping(result, "simulation"), "robustness")]
@@ -132,8 +147,9 @@ def robustness_sentence(rows: Sequence[CaseRow]) -> str:
         return ""
     held = sum(row.status == PASSED for row in rows)
     if held == len(rows):
-        return f"The controller copes with all {held} vehicles that differ from what it believes."
-    return f"The controller copes with {held} of {len(rows)} vehicles that differ from what it believes."
+        return f"The controller copes with all {held} cases in which vehicle or start are not as it believes."
+    cases = f"{held} of {len(rows)} cases"
+    return f"The controller copes with {cases} in which vehicle or start are not as it believes."
 
 
 def _case(item: Mapping[str, Any]) -> CaseRow:
@@ -144,6 +160,7 @@ def _case(item: Mapping[str, Any]) -> CaseRow:
         status=PASSED if holds else FAILED,
         verdict="holds" if holds else f"does not hold{': it ' + _verb(cause) if cause else ''}",
         error=with_unit(number_in(item, "max_lateral_error"), "m"),
+        lateness=seconds(number_in(item, "max_lateness")),
         travel_time=seconds(number_in(item, "travel_time")),
         least_load=DASH if load is None else f"{100.0 * load:.0f}\u00a0%",
         slid="yes" if slid is True else "no" if slid is False else DASH,
