@@ -305,6 +305,7 @@ def test_an_edited_scenario_is_refused(folder, capsys):
         REFINED,
         "trajectories/collocation.csv",
         "simulation.csv",
+        "stops.npz",
         "certificate.npz",
         "report.html",
     ],
@@ -326,13 +327,70 @@ def test_a_truncated_file_is_refused(folder, capsys, name):
     assert f"{name}: truncated" in text or f"{name}: differs from every plan" in text
 
 
-def test_a_truncated_certificate_is_refused(folder, capsys):
-    data = (folder / evidence.CERTIFICATE).read_bytes()
-    (folder / evidence.CERTIFICATE).write_bytes(data[: len(data) // 2])
+@pytest.mark.parametrize("name", [evidence.CERTIFICATE, evidence.STOPS])
+def test_a_truncated_archive_is_refused(folder, capsys, name):
+    data = (folder / name).read_bytes()
+    (folder / name).write_bytes(data[: len(data) // 2])
     code, text = check(folder, capsys)
     assert code == 1
-    assert "certificate.npz: changed since" in text
-    assert text.count("certificate.npz: ") == 2  # and what is wrong with it
+    assert f"{name}: changed since" in text
+    assert text.count(f"{name}: ") == 2  # and what is wrong with it
+
+
+def edit_stops(folder: Path, change: Callable[[dict[str, np.ndarray]], None]) -> None:
+    with np.load(folder / evidence.STOPS) as archive:
+        arrays = dict(archive)
+    change(arrays)
+    np.savez_compressed(folder / evidence.STOPS, **arrays)
+
+
+def delete_last_stop(arrays: dict[str, np.ndarray]) -> None:
+    kept = arrays["first"][-2]
+    arrays |= {key: arrays[key][:-1] for key in ("instant", "straightened", "first")}
+    arrays |= {key: arrays[key][:kept] for key in arrays if len(np.atleast_1d(arrays[key])) > kept}
+
+
+def move_row(arrays: dict[str, np.ndarray]) -> None:
+    """A row in the middle of the stop that drives longest, 0.2 m aside."""
+    longest = int(np.argmax(np.diff(arrays["first"])))
+    arrays["y"][arrays["first"][longest : longest + 2].sum() // 2] += 0.2
+
+
+def lower_first_speed(arrays: dict[str, np.ndarray]) -> None:
+    fastest = arrays["first"][:-1][np.argmax(arrays["v"][arrays["first"][:-1]])]
+    arrays["v"][fastest] *= 0.8
+
+
+def crowd(arrays: dict[str, np.ndarray]) -> None:
+    arrays["instant"] *= 0.5
+
+
+def rename_model(arrays: dict[str, np.ndarray]) -> None:
+    arrays["model"] = np.array("single_track" if arrays["model"] == "four_wheel" else "four_wheel")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (delete_last_stop, "stops, where 2 at each of"),
+        (move_row, "a jump that its speed does not explain"),
+        (lower_first_speed, "off the run's speed"),
+        (crowd, "no stop from"),
+        (rename_model, "was to be stopped"),
+    ],
+)
+def test_edited_stops_are_no_evidence(folder, capsys, change, words):
+    edit_stops(folder, change)
+    code, text = check(folder, capsys)
+    assert code == 1
+    assert "stops.npz: changed since it was written" in text
+    assert "checks[emergency_stops of simulation].status: is 'passed', recomputed 'failed'" in text
+    regenerate(folder, honest=True)
+    edit_result(folder, lambda result: result["simulation"].pop("emergency_stops", None))
+    code, text = check(folder, capsys)
+    assert code == 1
+    assert text.startswith("around_a_point: failed")
+    assert words in text
 
 
 @pytest.mark.parametrize(
