@@ -108,6 +108,12 @@ def check_motion(trajectory: Trajectory) -> None:
     for name in ("t", "x", "y", "heading", "v", "a", "curvature"):
         if not np.isfinite(getattr(trajectory, name)).all():
             raise ValueError(f"trajectory: column {name}: must be finite")
+    slowest = int(np.argmin(trajectory.v))
+    if trajectory.v[slowest] < -REST_SPEED:
+        raise ValueError(
+            f"trajectory: column v: row {slowest}: {trajectory.v[slowest]:g} m/s: reversing is not supported,"
+            " must be zero or more"
+        )
 
 
 def started(loop: TrackingDiagram, state: State) -> Simulator:
