@@ -117,20 +117,21 @@ def tracking_diagram(
     actual: Robot | None = None,
     reaction_time: float = 0.0,
     step: float = PLANT_STEP,
+    slowing: bool = True,
 ) -> TrackingDiagram:
     """Wire the closed loop that follows `trajectory`.
 
     `robot` is the one that the controller believes in, `actual` the one that drives; `step` [s] that of the
-    four-wheeled plant.
+    four-wheeled plant; `slowing`: the schedule slows down where a bend takes nearly all the friction.
     """
     builder = DiagramBuilder()
     rest_end = float(trajectory.v[-1]) <= REST_SPEED
     wanted: Demand
     if model == "four_wheel":
-        wanted = rolling = rolling_demand(robot, trajectory, FOUR_WHEEL_PERIOD)
+        wanted = rolling = rolling_demand(robot, trajectory, FOUR_WHEEL_PERIOD, slowing=slowing)
         gains, slip = rolling_gains(robot, rolling), ROLLING_SLIP
     else:
-        wanted = slipping = demand(Body.of(robot), trajectory, SINGLE_TRACK_PERIOD)
+        wanted = slipping = demand(Body.of(robot), trajectory, SINGLE_TRACK_PERIOD, slowing=slowing)
         gains = slipping_gains(Body.of(robot), slipping)
         slip = FRONT_SLIP * full_slide(robot.friction)
     source = builder.AddNamedSystem("trajectory", TrajectorySource(trajectory, wanted))
@@ -196,7 +197,7 @@ def _add_four_wheel(
     end of the step if it goes on as in the last, so that it gives no torque: with the speed at the beginning
     it would resist being sped up like a mass.
     """
-    vehicle = add_four_wheel(builder, actual, step)
+    vehicle = add_four_wheel(builder, actual, step, brakes=robot)
     plant = vehicle.plant
     count = plant.num_actuators()
     commands = builder.AddNamedSystem("wheel_commands", WheelCommands(vehicle, robot))

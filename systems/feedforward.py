@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from systems.schedule import Demand, moving_average, paced
+from systems.schedule import Demand, Samples, moving_average, paced
 from systems.single_track import STEERING_TIME_CONSTANT, Body
 from systems.tyre import (
     CORNERING_STIFFNESS,
@@ -86,15 +86,16 @@ def _body_motion(body: Body, v: Array, a: Array, kappa: Array, period: float) ->
     return np.array(betas), np.array(rates)
 
 
-def demand(body: Body, trajectory: Trajectory, period: float) -> SlippingDemand:
+def demand(body: Body, trajectory: Trajectory, period: float, *, slowing: bool = True) -> SlippingDemand:
     """Sample a trajectory every `period` [s] and invert the vehicle along it.
 
     Curvature is averaged over the shortest time window (symmetric, so without delay) with which the steering
     servo's rate suffices and turning the body takes at most `YAW_FRICTION` of the friction.
     """
+    samples = paced(trajectory, body.friction * GRAVITY if slowing else math.inf, period)
     width = SHORTEST_SMOOTHING
     while True:
-        result = _demand(body, trajectory, period, width)
+        result = _demand(body, samples, period, width)
         turning = body.gyration_squared * np.abs(np.gradient(result.yaw_rate, period)).max()
         rate = np.abs(np.gradient(result.steering, period)).max()
         allowed = YAW_FRICTION * body.friction * GRAVITY * body.half_base
@@ -103,8 +104,7 @@ def demand(body: Body, trajectory: Trajectory, period: float) -> SlippingDemand:
         width *= 1.4
 
 
-def _demand(body: Body, trajectory: Trajectory, period: float, width: float) -> SlippingDemand:
-    samples = paced(trajectory, body.friction * GRAVITY, period)
+def _demand(body: Body, samples: Samples, period: float, width: float) -> SlippingDemand:
     v, a, course, count = samples.speed, samples.acceleration, samples.course, len(samples.speed)
     kappa = moving_average(samples.curvature, max(round(0.5 * width / period), 1))
 

@@ -52,6 +52,7 @@ Array = NDArray[np.float64]
 PLANT_STEP = 2e-3  # [s]
 STICTION_SPEED = 1e-3  # [m/s]: tyres creep by about this much below the limit of friction
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")  # the order of all arrays of four
+LEAST_SHARE = 1e-3  # of the braking, that a wheel gets which would lift: brakes have some limit above zero
 WHEEL_MASS = 0.01  # of the robot's
 KNUCKLE_MASS = 0.005
 DISSIPATION = 20.0  # [s/m], of the contact, for a wheelbase of 0.5 m
@@ -88,7 +89,7 @@ class WheelGeometry:
         left = np.array([1.0, -1.0, 1.0, -1.0])
         spin_mass = 4 * 0.5 * WHEEL_MASS * robot.mass  # solid discs
         shift = 2.0 * robot.com_height * robot.max_braking / (robot.wheelbase * GRAVITY)
-        share = 0.25 * (1.0 + front * shift)
+        share = np.maximum(0.25 * (1.0 + front * shift), LEAST_SHARE)
         return cls(
             radius=radius,
             x=0.5 * robot.wheelbase * front,
@@ -157,8 +158,12 @@ class FourWheel:
         plant.SetPositionsAndVelocities(context, values)
 
 
-def add_four_wheel(builder: DiagramBuilder, robot: Robot, step: float = PLANT_STEP) -> FourWheel:
+def add_four_wheel(
+    builder: DiagramBuilder, robot: Robot, step: float = PLANT_STEP, *, brakes: Robot | None = None
+) -> FourWheel:
     """Add the vehicle of a robot on a flat floor to a diagram; `step` of the plant [s].
+
+    `brakes` is the robot for which the brakes were made, by default the same.
 
     Raises
     ------
@@ -173,7 +178,7 @@ def add_four_wheel(builder: DiagramBuilder, robot: Robot, step: float = PLANT_ST
         stiction_tolerance=STICTION_SPEED,
     )
     plant, scene_graph = AddMultibodyPlant(config, builder)
-    wheels = WheelGeometry.of(robot)
+    wheels, limits = WheelGeometry.of(robot), WheelGeometry.of(brakes or robot).brake_limit
     tyre = _tyre(robot)
     plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "floor", tyre)
     chassis = plant.AddRigidBody("chassis", _chassis_inertia(robot, wheels.radius))
@@ -195,7 +200,7 @@ def add_four_wheel(builder: DiagramBuilder, robot: Robot, step: float = PLANT_ST
         spin = plant.AddJoint(RevoluteJoint(f"spin_{name}", hub, wheel.body_frame(), [0.0, 1.0, 0.0]))
         plant.RegisterCollisionGeometry(wheel, RigidTransform(), Sphere(wheels.radius), f"tyre_{name}", tyre)
         plant.AddJointActuator(f"drive_{name}", spin)
-        limit = float(wheels.brake_limit[i])
+        limit = float(limits[i])
         brake = plant.AddJointActuator(f"brake_{name}", spin, limit)
         soft = BRAKE_TIME * robot.max_braking / wheels.radius  # [rad/s]
         brake.set_controller_gains(PdControllerGains(p=0.0, d=limit / soft))

@@ -37,7 +37,9 @@ class RollingDemand(Demand):
     curvature: Array  # (n,) [1/m], of the path, averaged
 
 
-def rolling_demand(robot: Robot, trajectory: Trajectory, period: float) -> RollingDemand:
+def rolling_demand(
+    robot: Robot, trajectory: Trajectory, period: float, *, slowing: bool = True
+) -> RollingDemand:
     """Sample a trajectory every `period` [s] and invert the rolling vehicle along it.
 
     Speed and curvature are averaged over one swing of the body on its tyres, for a ramp that lasts one swing
@@ -45,7 +47,8 @@ def rolling_demand(robot: Robot, trajectory: Trajectory, period: float) -> Rolli
     turning the body take more than `YAW_FRICTION` of the friction. Windows are symmetric, so without delay.
     """
     swing = swing_time(robot)
-    samples = _gentle(paced(trajectory, robot.friction_acceleration, period), swing, period)
+    friction = robot.friction_acceleration if slowing else math.inf
+    samples = _gentle(paced(trajectory, friction, period), swing, period)
     width = max(SHORTEST_SMOOTHING, swing)
     base, gyration = 0.5 * robot.wheelbase, (robot.wheelbase**2 + robot.track**2) / 12.0
     while True:

@@ -80,7 +80,7 @@ def moving_average(values: Array, half: int) -> Array:
 
 
 def paced(trajectory: Trajectory, friction: float, period: float) -> Samples:
-    """Sample a trajectory every `period` [s]; `friction` is mu g [m/s^2].
+    """Sample a trajectory every `period` [s]; `friction` is mu g [m/s^2], infinite to keep to the plan.
 
     The schedule runs at the rate 1 except around bends that take more than `BEND_FRICTION` of the friction:
     at a rate p speeds are p times and accelerations p^2 times the planned ones, which leaves something to

@@ -53,6 +53,7 @@ def simulate(
     actual: Robot | None = None,
     step: float = PLANT_STEP,
     initial_offset: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    slowing: bool = True,
 ) -> SimulationRun:
     """Let a vehicle follow a trajectory and record it.
 
@@ -65,6 +66,7 @@ def simulate(
     actual : the vehicle that drives, where it is another than the controller believes.
     step : of the four-wheeled plant [s]: 2 ms, or 1 ms to look closer.
     initial_offset : (along [m], left [m], turned left [rad]) from the first row.
+    slowing : let the schedule slow down where a bend takes nearly all the friction.
 
     Returns
     -------
@@ -89,7 +91,7 @@ def simulate(
         raise ValueError(f"step = {step!r}: must be one of {STEPS} [s]")
     began = time.perf_counter()
     try:
-        loop = tracking_diagram(robot, trajectory, model=model, actual=actual, step=step)
+        loop = tracking_diagram(robot, trajectory, model=model, actual=actual, step=step, slowing=slowing)
         simulator = started(loop, shifted(loop.start, trajectory, initial_offset))
         context = simulator.get_mutable_context()
         ended = drive(simulator, loop, trajectory)

@@ -28,10 +28,10 @@ def optimum_to_execute(scenario: Scenario, plans: Mapping[str, Plan]) -> Plan | 
     return optimum if passes else None
 
 
-def drive_as_planned(scenario: Scenario, plan: Plan) -> SimulationRun | None:
+def drive_as_planned(scenario: Scenario, plan: Plan, model: str) -> SimulationRun | None:
     """The vehicle's run along the plan; None where it cannot follow it."""
     try:
-        run = simulate(scenario.problem.robot, plan.trajectory)
+        run = simulate(scenario.problem.robot, plan.trajectory, model=model)
     except SimulationError:
         return None
     return run if follows(run, plan.trajectory) else None

@@ -27,6 +27,7 @@ EXECUTED = "trajectory.csv"
 SIMULATION = "simulation.csv"
 SIMULATION_SINGLE_TRACK = "simulation_single_track.csv"  # of the pre-screen, beside the four-wheel run
 STOPS = "stops.npz"
+REPLAY = "replay.html"
 CERTIFICATE = "certificate.npz"
 SCHEMA = 1  # of result.json
 MAX_NUMBER = 1e12  # in any SI unit: far beyond any motion, and its powers do not overflow
@@ -156,7 +157,7 @@ def sha256(data: bytes) -> str:
 def manifest(folder: Path) -> dict[str, str]:
     """SHA-256 of each evidence file that can be read, and of the report, by name."""
     found = {}
-    single = (SCENARIO, EXECUTED, SIMULATION, SIMULATION_SINGLE_TRACK, STOPS, CERTIFICATE, REPORT)
+    single = (SCENARIO, EXECUTED, SIMULATION, SIMULATION_SINGLE_TRACK, STOPS, CERTIFICATE, REPORT, REPLAY)
     for name in sorted([*single, *trajectory_files(folder)]):
         try:
             found[name] = sha256(read_bytes(folder, name))

@@ -11,10 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-from scipy.spatial import cKDTree
-
-from systems.simulation import SimulationRun, simulate
+from systems import SimulationRun, simulate
+from systems.following import Tolerance, following
 from vnav_drake.collocation import plan_full
 from vnav_drake.plan import Plan, Trajectory
 from vnav_drake.problem import PlanningError, Problem
@@ -22,9 +20,8 @@ from vnav_drake.robot import Robot
 from vnav_drake.scenario import Scenario
 
 SHARES = (0.975, 0.95, 0.9, 0.8)  # of the limits, tried in turn
-SIDEWAYS = 0.03  # [m], from the path; the judge allows more, so that it need not be asked
-LATENESS = 0.008  # of the travel time, likewise
-LEAST_LATENESS = 0.08  # [s]
+# The judge allows more, so that it need not be asked.
+TOLERANCE = Tolerance(sideways=0.03, lateness=0.008, least_lateness=0.08)
 
 
 @dataclass(frozen=True)
@@ -36,7 +33,7 @@ class Execution:
 
 
 def execute(
-    scenario: Scenario, plan: Plan, progress: Callable[[str], None] = lambda _text: None
+    scenario: Scenario, plan: Plan, model: str, progress: Callable[[str], None] = lambda _text: None
 ) -> Execution:
     """Drive the plan; where the vehicle strays, leave the controller part of the limits.
 
@@ -48,7 +45,7 @@ def execute(
     SimulationError : the simulation could not finish.
     """
     problem = scenario.problem
-    first = Execution(plan, simulate(problem.robot, plan.trajectory))
+    first = Execution(plan, simulate(problem.robot, plan.trajectory, model=model))
     if plan.path is None or follows(first.run, plan.trajectory):
         return first
     for share in SHARES:
@@ -58,10 +55,10 @@ def execute(
             break  # the friction reserve takes all that is left
         try:
             slower = plan_full(careful, plan.path, effort="quick")
-            run = simulate(problem.robot, slower.trajectory)
+            run = simulate(problem.robot, slower.trajectory, model=model)
             if not follows(run, slower.trajectory):
                 continue
-            return _polished(problem, careful, plan, Execution(slower, run), share, scenario.plan.effort)
+            return _polished(scenario, careful, plan, Execution(slower, run), share)
         except PlanningError:
             break
     return first
@@ -80,31 +77,19 @@ def held_back(robot: Robot, share: float) -> Robot:
 
 
 def follows(run: SimulationRun, trajectory: Trajectory) -> bool:
-    """Whether the vehicle arrived on all wheels, near the path and nearly on time."""
-    if not run.details["arrived"] or run.details["wheel_lift"] or run.details["pitch_lift"]:
-        return False
-    tree = cKDTree(np.column_stack([trajectory.x, trajectory.y]))
-    _, row = tree.query(np.column_stack([run.x, run.y]))
-    heading = trajectory.heading[row]
-    dx, dy = run.x - trajectory.x[row], run.y - trajectory.y[row]
-    sideways = np.abs(dy * np.cos(heading) - dx * np.sin(heading))
-    during = run.t <= trajectory.t[-1]
-    late = run.t[during] - trajectory.t[row][during]
-    allowed = max(LATENESS * trajectory.travel_time, LEAST_LATENESS)
-    return bool(np.max(sideways[during]) <= SIDEWAYS and np.max(late) <= allowed)
+    """Whether the vehicle arrived on its wheels, near the path and nearly on time."""
+    return not following(run, trajectory, TOLERANCE).cause
 
 
-def _polished(
-    problem: Problem, careful: Problem, plan: Plan, found: Execution, share: float, effort: str
-) -> Execution:
+def _polished(scenario: Scenario, careful: Problem, plan: Plan, found: Execution, share: float) -> Execution:
     """The same share at the scenario's effort, where the vehicle follows that too."""
     chosen = found
-    if effort == "full" and found.plan.path is not None:
+    if scenario.plan.effort == "full" and found.plan.path is not None:
         try:
             best = plan_full(careful, found.plan.path)
         except PlanningError:
             best = found.plan  # a finer mesh may fail where a coarse one did not
-        run = simulate(problem.robot, best.trajectory)
+        run = simulate(scenario.problem.robot, best.trajectory, model=found.run.model)
         if follows(run, best.trajectory):
             chosen = Execution(best, run)
     told = {"full_limit_time": plan.travel_time, "limit_share": share, "seeds": plan.details["seeds"]}

@@ -17,6 +17,15 @@ from verify.analytic import run_speed_graph
 from verify.atomic import ResultFolder
 from verify.bounding import GATE, about, run_lower_bound
 from verify.choosing import drive_as_planned, optimum_to_execute
+from verify.driving import (
+    about_studies,
+    drive_prescreen,
+    main_model,
+    show_replay,
+    stop_everywhere,
+    study,
+    wiring,
+)
 from verify.execution import execute
 from verify.exit_codes import FAILED, OK, UNFINISHED
 from verify.interruption import Interruption
@@ -114,6 +123,7 @@ def _fill(
         _execute_refined(stages)
         judgement = _judged(stages, folder.work, overrides)
     result = _result(judgement, done, overrides, scenario.plan.through)
+    show_replay(stages, folder.work)
     say(f"{scenario.name}: writing the report")
     write_report(
         folder.work / evidence.REPORT,
@@ -170,14 +180,20 @@ def _executed_optimum(stages: Stages, folder: FilePath, overrides: Mapping[str, 
     optimum = optimum_to_execute(scenario, done.plans)
     if optimum is None:
         return None
-    run = stages.run("simulation", lambda: drive_as_planned(scenario, optimum))
+    model = main_model(scenario)
+    run = stages.run("simulation", lambda: drive_as_planned(scenario, optimum, model))
     if run is None:
         return None
     done.executed, done.run = optimum.method, run
+    done.prescreen = drive_prescreen(stages, optimum)
     judgement = _judged(stages, folder, overrides)
+    if judgement.lacks_only_stops:  # they take long, so whatever else may stand against it is asked first
+        done.stops = stop_everywhere(stages, optimum)
+        judgement = _judged(stages, folder, overrides)
     if judgement.verdict == "certified" and judgement.passed:
+        done.studies = study(stages, optimum)
         return judgement
-    done.executed, done.run = None, None
+    done.executed, done.run, done.prescreen, done.stops = None, None, None, None
     return None
 
 
@@ -190,10 +206,14 @@ def _execute_refined(stages: Stages) -> None:
         return
     done.executed = refined.method
     told = stages.told("simulation")
-    execution = stages.run("simulation", lambda: execute(scenario, refined, told))
+    model = main_model(scenario)
+    execution = stages.run("simulation", lambda: execute(scenario, refined, model, told))
     if execution is not None:
         done.keep(execution.plan)
         done.run = execution.run
+        done.prescreen = drive_prescreen(stages, execution.plan)
+        done.stops = stop_everywhere(stages, execution.plan)
+        done.studies = study(stages, execution.plan)
 
 
 def _judged(stages: Stages, folder: FilePath, overrides: Mapping[str, float]) -> Judgement:
@@ -291,13 +311,18 @@ def _write_evidence(folder: FilePath, scenario: Scenario, done: Progress) -> Non
     (folder / evidence.TRAJECTORIES).mkdir(exist_ok=True)
     for name, plan in done.plans.items():
         plan.trajectory.to_csv(folder / evidence.TRAJECTORIES / f"{name}.csv")
-    for name in (evidence.EXECUTED, evidence.SIMULATION):  # of an earlier choice
+    driven = (evidence.EXECUTED, evidence.SIMULATION, evidence.SIMULATION_SINGLE_TRACK, evidence.STOPS)
+    for name in driven:  # of an earlier choice
         (folder / name).unlink(missing_ok=True)
     if done.executed is not None:
         copy = (folder / evidence.TRAJECTORIES / f"{done.executed}.csv").read_bytes()
         (folder / evidence.EXECUTED).write_bytes(copy)
     if done.run is not None:
         done.run.to_csv(folder / evidence.SIMULATION)
+    if done.prescreen is not None:
+        done.prescreen.to_csv(folder / evidence.SIMULATION_SINGLE_TRACK)
+    if done.stops is not None:
+        done.stops.save(folder / evidence.STOPS)
     if done.bound is not None:
         done.bound.certificate.save(folder / evidence.CERTIFICATE)
 
@@ -322,6 +347,8 @@ def _result(
         result["simulation"] = (
             driven | figures | {"model": done.run.model, "compute_time": done.seconds["simulation"]}
         )
+        if done.studies is not None:
+            result["simulation"] |= plain(about_studies(done.studies))
     if done.bound is not None and "lower_bound" in result:
         how = plain(about(done.bound)) | {"compute_time": done.seconds["lower_bound"]}
         result["lower_bound"] = how | result["lower_bound"]
@@ -342,6 +369,7 @@ def _extras(scenario: Scenario, done: Progress) -> ReportExtras:
         timings=dict(done.seconds),
         speed_graph=SpeedGraphDrawing() if done.analytic is None else done.analytic.drawing,
         vc_method=None if done.vc is None else vc_drawing(scenario.problem, done.vc.result),
+        diagram_of_systems=wiring(scenario, done),
     )
 
 

@@ -8,8 +8,11 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from systems import SimulationError, SimulationRun
+from systems.margins import Studies
+from systems.stops import StopRecords
 from verify.analytic import Analytic
 from verify.interruption import Interruption
+from verify.replay import ReplayError
 from verify.vc import VcStage
 from vnav_drake.homotopy import Gates
 from vnav_drake.lower_bound import LowerBound
@@ -45,6 +48,9 @@ class Progress:
     bound: LowerBound | None = None
     executed: str | None = None  # the plan that the vehicle drove in `run`, or is to drive
     run: SimulationRun | None = None
+    prescreen: SimulationRun | None = None  # of the single track, where both models are asked for
+    stops: StopRecords | None = None
+    studies: Studies | None = None
     missing: list[Missing] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
 
@@ -81,7 +87,7 @@ class Stages:
             raise self.scenario.error("goal.position", str(error)) from error
         except NoClassError as error:
             raise self.scenario.error("plan.through", str(error)) from error
-        except (PlanningError, SimulationError) as error:
+        except (PlanningError, SimulationError, ReplayError) as error:
             self.interruption.check()
             self.done.missing.append(Missing(stage=name, reason=str(error), only_for=only_for))
             return None

@@ -79,6 +79,13 @@ class Judgement:
             self.failing_gates or self.failing_checks or self.unmet_gates
         )
 
+    @property
+    def lacks_only_stops(self) -> bool:
+        """Whether nothing stands against it but emergency stops that were not recorded yet."""
+        open_check = any(check.name == STOPS and check.status == "not_evaluated" for check in self.checks)
+        only = bool(self.reasons) and all(reason.startswith(f"{STOPS}:") for reason in self.reasons)
+        return open_check and only and not (self.failing_gates or self.failing_checks)
+
     def as_result(self) -> dict[str, Any]:
         """The judged part of result.json."""
         result: dict[str, Any] = {
