@@ -267,15 +267,16 @@ def _chassis_inertia(robot: Robot, radius: float) -> SpatialInertia:
     light = 4.0 * WHEEL_MASS + 2.0 * KNUCKLE_MASS
     mass = (1.0 - light) * robot.mass
     height = (robot.com_height - light * radius) / (1.0 - light)
+    back = KNUCKLE_MASS * robot.wheelbase / (1.0 - light)  # the knuckles, in front, are balanced
     l2, w2, box = robot.wheelbase**2, robot.track**2, max(2.0 * robot.com_height, 2.0 * radius)
     # less what wheels and knuckles have already, each a point at its corner; of all three axes, so that what
     # is left is the inertia of a body for every length and width
     across, along = (
         robot.mass * w2 * (1.0 / 12.0 - 0.25 * light),
-        robot.mass * l2 * (1.0 / 12.0 - 0.25 * light),
+        robot.mass * l2 * (1.0 / 12.0 - 0.25 * light) - mass * back * back,
     )
     upward = robot.mass * box * box / 12.0
     roll, pitch, yaw = across + upward, along + upward, across + along
     about = RotationalInertia(roll, pitch, yaw)
-    centre = [0.0, 0.0, height]
+    centre = [-back, 0.0, height]
     return SpatialInertia.MakeFromCentralInertia(mass, centre, about)
