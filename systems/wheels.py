@@ -151,7 +151,8 @@ class Sensing(LeafSystem):  # type: ignore[misc]
     def _body(self, values: list[float]) -> State:
         qw, qx, qy, qz, x, y = values[:6]
         _, _, turn, east, north = values[self._positions : self._positions + 5]
-        heading = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+        # the plant's steps let the quaternion grow: nothing here takes it for a unit one
+        heading = math.atan2(2.0 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz)
         cosine, sine = math.cos(heading), math.sin(heading)
         left, right = (math.tan(values[i]) for i in self._steers)
         wheels = self._vehicle.wheels
@@ -173,8 +174,9 @@ class Sensing(LeafSystem):  # type: ignore[misc]
     @staticmethod
     def _leaning(values: list[float]) -> float:
         """Angle [rad] of the body's vertical from the plumb line."""
-        _, qx, qy, _ = values[:4]
-        return math.acos(min(max(1.0 - 2.0 * (qx * qx + qy * qy), -1.0), 1.0))
+        qw, qx, qy, qz = values[:4]
+        across, along = qx * qx + qy * qy, qw * qw + qz * qz
+        return 2.0 * math.atan2(math.sqrt(across), math.sqrt(along))
 
     def _record(self, context: Context, output: BasicVector) -> None:
         values = self.get_input_port(0).Eval(context).tolist()
