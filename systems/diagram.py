@@ -32,8 +32,7 @@ from vnav_drake.robot import Robot
 LOG_PERIOD = 1e-2  # [s]
 INTEGRATION_STEP = 2.5e-3  # [s], of the single track, see `systems.tyre.rolling_speed`
 REST_SPEED = 1e-6  # [m/s]: a trajectory that ends slower than this ends at rest
-SINGLE_TRACK_PERIOD = 5e-3  # [s], of control
-FOUR_WHEEL_PERIOD = 1e-2  # [s]
+CONTROL_PERIODS = {"single_track": 5e-3, "four_wheel": 1e-2}  # [s]
 # Slip of the front wheels that steering may cause. More than full slide gives no more force, but the servo
 # needs a little to get there in time; a wheel with Coulomb friction slides at any slip.
 FRONT_SLIP = 1.5  # of the slip at which a brush tyre slides
@@ -91,7 +90,7 @@ class TrackingDiagram:
     supervisor: Supervisor
     request: ConstantVectorSource  # of an emergency stop: time [s], straightened
     vehicle: Vehicle
-    log: VectorLogSink  # every `LOG_PERIOD`
+    log: VectorLogSink  # of the vehicle's record
     period: float  # [s], of control
     vehicle_step: float  # [s], of the integrator or the plant
     duration: float  # [s], of the schedule
@@ -118,6 +117,7 @@ def tracking_diagram(
     reaction_time: float = 0.0,
     step: float = PLANT_STEP,
     slowing: bool = True,
+    log_period: float = LOG_PERIOD,
 ) -> TrackingDiagram:
     """Wire the closed loop that follows `trajectory`.
 
@@ -128,10 +128,10 @@ def tracking_diagram(
     rest_end = float(trajectory.v[-1]) <= REST_SPEED
     wanted: Demand
     if model == "four_wheel":
-        wanted = rolling = rolling_demand(robot, trajectory, FOUR_WHEEL_PERIOD, slowing=slowing)
+        wanted = rolling = rolling_demand(robot, trajectory, CONTROL_PERIODS[model], slowing=slowing)
         gains, slip = rolling_gains(robot, rolling), ROLLING_SLIP
     else:
-        wanted = slipping = demand(Body.of(robot), trajectory, SINGLE_TRACK_PERIOD, slowing=slowing)
+        wanted = slipping = demand(Body.of(robot), trajectory, CONTROL_PERIODS[model], slowing=slowing)
         gains = slipping_gains(Body.of(robot), slipping)
         slip = FRONT_SLIP * full_slide(robot.friction)
     source = builder.AddNamedSystem("trajectory", TrajectorySource(trajectory, wanted))
@@ -152,7 +152,7 @@ def tracking_diagram(
     builder.Connect(request.get_output_port(), supervisor.GetInputPort("stop"))
     if vehicle.tilt_port is not None:
         builder.Connect(vehicle.tilt_port, supervisor.GetInputPort("tilt"))
-    log = LogVectorOutput(vehicle.record_port, builder, LOG_PERIOD)
+    log = LogVectorOutput(vehicle.record_port, builder, log_period)
     log.set_name("log")
     diagram = builder.Build()
     diagram.set_name(model)

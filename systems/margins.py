@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 
 from systems.following import Following, Tolerance, following
+from systems.parallel import in_parallel
 from systems.simulation import check_motion, simulate
 from vnav_drake.plan import Trajectory
 from vnav_drake.robot import Robot
@@ -68,7 +69,6 @@ def find_margin(
     trajectory: Trajectory,
     *,
     model: str = "four_wheel",
-    progress: Callable[[str], None] = lambda _text: None,
 ) -> Margin:
     """Scale the speeds of a motion until the vehicle slides, tips, leaves the path or is late.
 
@@ -86,7 +86,6 @@ def find_margin(
     trials: list[Trial] = []
 
     def holds(factor: float) -> bool:
-        progress(f"speeds times {factor:.3f}")
         trials.append(_trial(robot, trajectory, factor, demand, model))
         return not trials[-1].cause
 
@@ -157,43 +156,73 @@ def _trial(robot: Robot, trajectory: Trajectory, factor: float, demand: float, m
     return Trial(factor=factor, demand=demand * factor**2, cause=following(run, motion, TOLERANCE).cause)
 
 
-def robustness(
+def study(
     robot: Robot,
     trajectory: Trajectory,
     *,
     model: str = "four_wheel",
+    workers: int = 1,
     progress: Callable[[str], None] = lambda _text: None,
-) -> tuple[Disturbed, ...]:
-    """Drive a motion with a vehicle, or from a pose, that is not what the controller believes.
-
-    Friction, mass and height of the centre of mass 10 % lower and higher; the start 3 cm to either side, and
-    turned by 2 degrees to either side. Drive and brakes stay as strong as they are.
+) -> Studies:
+    """`find_margin`, and a run of each of the `disturbances`; the pieces are shared by the `workers`.
 
     Raises
     ------
-    ValueError for a trajectory that is none, SimulationError when Drake fails.
+    ValueError for a trajectory that is none, SimulationError when Drake fails, WorkerError when a worker
+    process is killed.
     """
-    check_motion(trajectory)
+    cases = disturbances(robot)
+    tasks = [(None, robot, trajectory, model), *((case, robot, trajectory, model) for case in cases)]
+
+    def told(done: int) -> None:
+        progress(f"{done} of {len(tasks)}")
+
+    found = in_parallel(_piece, tasks, workers, told)
+    margin = next(piece for piece in found if isinstance(piece, Margin))
+    return Studies(margin=margin, robustness=tuple(piece for piece in found if isinstance(piece, Disturbed)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disturbance:
+    """What differs from what the controller believes."""
+
+    case: str  # in words
+    actual: Robot
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # along, left [m], turned left [rad], at the start
+
+
+def disturbances(robot: Robot) -> list[Disturbance]:
+    """Friction, mass and height of the centre of mass 10 % off, and a start that is not on the path.
+
+    The start is 3 cm to either side, or turned by 2 degrees to either side. Drive and brakes stay as strong
+    as they are.
+    """
     names = {"friction": "friction", "mass": "mass", "com_height": "height of the centre of mass"}
-    cases: list[tuple[str, Robot, tuple[float, float, float]]] = []
-    for key, words in names.items():
-        for change in (-OFF_BY, OFF_BY):
-            other = replace(robot, **{key: (1.0 + change) * getattr(robot, key)})
-            cases.append((f"{words} {100.0 * change:+.0f} %", other, (0.0, 0.0, 0.0)))
-    for side, turn in ((1.0, "left"), (-1.0, "right")):
-        cases.append((f"start {100.0 * OFF_SIDE:.0f} cm to the {turn}", robot, (0.0, side * OFF_SIDE, 0.0)))
-    for side, turn in ((1.0, "left"), (-1.0, "right")):
-        words = f"start turned {math.degrees(OFF_HEADING):.0f} degrees to the {turn}"
-        cases.append((words, robot, (0.0, 0.0, side * OFF_HEADING)))
-    found = []
-    for case, actual, offset in cases:
-        progress(case)
-        run = simulate(robot, trajectory, model=model, actual=actual, initial_offset=offset)
-        found.append(
-            Disturbed(
-                case=case,
-                found=following(run, trajectory, TOLERANCE),
-                travel_time=run.details.get("travel_time"),
-            )
+    cases = [
+        Disturbance(
+            case=f"{words} {100.0 * change:+.0f} %",
+            actual=replace(robot, **{key: (1.0 + change) * getattr(robot, key)}),
         )
-    return tuple(found)
+        for key, words in names.items()
+        for change in (-OFF_BY, OFF_BY)
+    ]
+    for sign, side in ((1.0, "left"), (-1.0, "right")):
+        beside = f"start {100.0 * OFF_SIDE:.0f} cm to the {side}"
+        turned = f"start turned {math.degrees(OFF_HEADING):.0f} degrees to the {side}"
+        cases += [
+            Disturbance(case=beside, actual=robot, offset=(0.0, sign * OFF_SIDE, 0.0)),
+            Disturbance(case=turned, actual=robot, offset=(0.0, 0.0, sign * OFF_HEADING)),
+        ]
+    return cases
+
+
+def _piece(case: Disturbance | None, robot: Robot, trajectory: Trajectory, model: str) -> Margin | Disturbed:
+    """The limits finder without a case, else the run of a case."""
+    if case is None:
+        return find_margin(robot, trajectory, model=model)
+    run = simulate(robot, trajectory, model=model, actual=case.actual, initial_offset=case.offset)
+    return Disturbed(
+        case=case.case,
+        found=following(run, trajectory, TOLERANCE),
+        travel_time=run.details.get("travel_time"),
+    )

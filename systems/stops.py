@@ -16,10 +16,10 @@ from pathlib import Path as FilePath
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context
 
-from systems.diagram import LOG_PERIOD, TrackingDiagram, tracking_diagram
+from systems.diagram import CONTROL_PERIODS, TrackingDiagram, tracking_diagram
 from systems.four_wheel import WHEELS
+from systems.parallel import in_parallel
 from systems.run import SLIDE_DEMAND
 from systems.simulation import SimulationError, check_motion, mode_of, started
 from systems.single_track import Motion
@@ -31,6 +31,7 @@ from vnav_drake.robot import GRAVITY, Robot
 Array = NDArray[np.float64]
 
 SCHEMA = 1
+PARTS = 2  # shares of the work for each worker
 ROW_PERIOD = 0.02  # [s], between two rows of a stop
 PATIENCE = 2.0  # [s], beyond three times the time that braking at a_b takes, to come to rest
 LOOK = 0.05  # [s], between two looks whether the vehicle stands
@@ -70,38 +71,45 @@ def emergency_stops(
     count: int,
     model: str = "four_wheel",
     reaction_time: float = 0.0,
+    workers: int = 1,
     progress: Callable[[str], None] = lambda _text: None,
 ) -> StopRecords:
     """Stop the vehicle at `count` instants of its run along `trajectory`, twice each.
 
     The instants are spread evenly over the run and lie on the ticks of the controller; a run shorter than
     `count` ticks has as many as it has ticks. The brakes act `reaction_time` [s] after the instant, until
-    when the vehicle follows its trajectory.
+    when the vehicle follows its trajectory. Each of the `workers` drives the run for itself, so that the
+    records do not depend on their number.
 
     Raises
     ------
-    ValueError for a trajectory that is none, SimulationError when Drake fails.
+    ValueError for a trajectory that is none, SimulationError when Drake fails, WorkerError when a worker
+    process is killed.
     """
     check_motion(trajectory)
     began = time.perf_counter()
-    try:
-        loop = tracking_diagram(robot, trajectory, model=model, reaction_time=reaction_time)
-        instants, snapshots = _snapshots(loop, trajectory, count)
-        simulator = Simulator(loop.diagram)
-        tables = []
-        for i, (instant, snapshot) in enumerate(zip(instants, snapshots, strict=True)):
-            if i % 10 == 0:
-                progress(f"emergency stop {2 * i + 1} of {2 * len(instants)}")
-            for straightened in (False, True):
-                tables.append(_stop(simulator, loop, robot, snapshot, instant, straightened, reaction_time))
-    except RuntimeError as error:
-        raise SimulationError(f"{model}: emergency stops: Drake stopped: {error}") from error
+    instants = stop_instants(trajectory.travel_time, count, CONTROL_PERIODS[model])
+    parts = min(PARTS * workers, len(instants)) if workers > 1 else max(len(instants) // 10, 1)
+    shares = [instants[k::parts] for k in range(parts)]
+
+    def told(done: int) -> None:
+        progress(f"{done / max(parts, 1):.0%} of {2 * len(instants)}")
+
+    if workers > 1:
+        tasks = [(robot, trajectory, share, model, reaction_time) for share in shares]
+        found = in_parallel(_stops_at, tasks, workers, told)
+    else:
+        stopper = _Stopper.of(robot, trajectory, model, reaction_time)
+        found = in_parallel(stopper.stop_at, [(part,) for part in np.array_split(instants, parts)], 1, told)
+    tables = dict(pair for part in found for pair in part.items())
+    kept = [instant for instant in instants.tolist() if instant in tables]
+    ordered = [table for instant in kept for table in tables[instant]]
     return StopRecords(
         model=model,
-        instant=np.repeat(instants, 2),
-        straightened=np.tile([False, True], len(instants)),
-        first=np.concatenate([[0], np.cumsum([len(table) for table in tables])]).astype(np.int64),
-        rows=np.concatenate(tables) if tables else np.empty((0, len(ROWS))),
+        instant=np.repeat(kept, 2),
+        straightened=np.tile([False, True], len(kept)),
+        first=np.concatenate([[0], np.cumsum([len(table) for table in ordered])]).astype(np.int64),
+        rows=np.concatenate(ordered) if ordered else np.empty((0, len(ROWS))),
         compute_time=time.perf_counter() - began,
     )
 
@@ -112,49 +120,69 @@ def stop_instants(duration: float, count: int, period: float) -> Array:
     return period * np.unique(ticks)
 
 
-def _snapshots(loop: TrackingDiagram, trajectory: Trajectory, count: int) -> tuple[Array, list[Context]]:
-    """States of the run at the instants, before the controller's tick there."""
-    # where the controller decides and the log has a row: one period is a multiple of the other
-    instants = stop_instants(trajectory.travel_time, count, max(loop.period, LOG_PERIOD))
-    simulator = started(loop, loop.start)
-    context = simulator.get_mutable_context()
-    found = []
-    for instant in instants.tolist():
-        simulator.AdvanceTo(instant)
-        if mode_of(loop, context) == Mode.FALLEN:
-            break  # a fallen robot need not stop any more
-        snapshot = context.Clone()
-        loop.log.FindMutableLog(snapshot).Clear()
-        found.append(snapshot)
-    return instants[: len(found)], found
+@dataclass(frozen=True)
+class _Stopper:
+    """The run, as far as it has been driven, and a second simulator in which it is left to stop."""
+
+    loop: TrackingDiagram
+    robot: Robot
+    reaction_time: float
+    run: Simulator
+    aside: Simulator
+
+    @classmethod
+    def of(cls, robot: Robot, trajectory: Trajectory, model: str, reaction_time: float) -> _Stopper:
+        try:
+            loop = tracking_diagram(
+                robot, trajectory, model=model, reaction_time=reaction_time, log_period=ROW_PERIOD
+            )
+            return cls(loop, robot, reaction_time, started(loop, loop.start), started(loop, loop.start))
+        except RuntimeError as error:
+            raise SimulationError(f"{model}: emergency stops: Drake stopped: {error}") from error
+
+    def stop_at(self, instants: Array) -> dict[float, tuple[Array, Array]]:
+        """Rows of both stops, steering held and straightened, by instant; none after the robot has fallen.
+
+        Instants ascend, from call to call too. A stop begins with the state before the controller's tick.
+        """
+        found = {}
+        try:
+            for instant in instants.tolist():
+                self.run.AdvanceTo(instant)
+                if mode_of(self.loop, self.run.get_context()) == Mode.FALLEN:
+                    break
+                found[instant] = (self._stop(instant, False), self._stop(instant, True))
+        except RuntimeError as error:
+            raise SimulationError(f"{self.loop.model}: emergency stops: Drake stopped: {error}") from error
+        return found
+
+    def _stop(self, instant: float, straightened: bool) -> Array:
+        """Rows (k, 8) of one stop."""
+        loop, context = self.loop, self.aside.get_mutable_context()
+        context.SetTimeStateAndParametersFrom(self.run.get_context())
+        loop.ask_to_stop(context, instant, straightened=straightened)
+        log = loop.log.FindMutableLog(context)
+        log.Clear()
+        loop.diagram.ForcedPublish(context)  # the instant need not be one that is logged
+        self.aside.Initialize()
+        loop.diagram.ForcedPublish(context)  # a row at the instant, wherever the log has its own
+        speed = math.hypot(*loop.vehicle.state(context)[3:5])
+        needed = self.reaction_time + speed / self.robot.max_braking
+        end, latest = instant + 0.9 * needed, instant + 3.0 * needed + PATIENCE
+        while True:
+            end += LOOK
+            self.aside.AdvanceTo(end)
+            if mode_of(loop, context) in (Mode.STOPPED, Mode.FALLEN) or end >= latest:
+                break
+        loop.diagram.ForcedPublish(context)
+        return _rows(loop.model, self.robot, log.sample_times() - instant, log.data())
 
 
-def _stop(
-    simulator: Simulator,
-    loop: TrackingDiagram,
-    robot: Robot,
-    snapshot: Context,
-    instant: float,
-    straightened: bool,
-    reaction_time: float,
-) -> Array:
-    """Rows (k, 8) of one stop."""
-    context = simulator.get_mutable_context()
-    context.SetTimeStateAndParametersFrom(snapshot)
-    loop.ask_to_stop(context, instant, straightened=straightened)
-    loop.log.FindMutableLog(context).Clear()
-    simulator.Initialize()
-    speed = math.hypot(*loop.vehicle.state(context)[3:5])
-    needed = reaction_time + speed / robot.max_braking
-    end, latest = instant + 0.9 * needed, instant + 3.0 * needed + PATIENCE
-    while True:
-        end += LOOK
-        simulator.AdvanceTo(end)
-        if mode_of(loop, context) in (Mode.STOPPED, Mode.FALLEN) or end >= latest:
-            break
-    loop.diagram.ForcedPublish(context)
-    log = loop.log.FindLog(context)
-    return _rows(loop.model, robot, log.sample_times() - instant, log.data())
+def _stops_at(
+    robot: Robot, trajectory: Trajectory, instants: Array, model: str, reaction_time: float
+) -> dict[float, tuple[Array, Array]]:
+    """A worker's share: it drives the run for itself."""
+    return _Stopper.of(robot, trajectory, model, reaction_time).stop_at(instants)
 
 
 def _rows(model: str, robot: Robot, t: Array, data: Array) -> Array:
@@ -173,8 +201,6 @@ def _rows(model: str, robot: Robot, t: Array, data: Array) -> Array:
         )
     heading = np.unwrap(row["heading"])
     table = np.column_stack([t, row["x"], row["y"], heading, row["v"], tilt, least, slip])
-    table = table[np.append(np.diff(t) > 1e-9, True)]
-    keep = np.zeros(len(table), dtype=bool)
-    keep[:: round(ROW_PERIOD / 0.01)] = True
-    keep[-1] = True
-    return table[keep]
+    # the last row may fall on one that was logged
+    kept: Array = table[np.append(np.diff(t) > 1e-9, True)]
+    return kept

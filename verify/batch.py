@@ -82,11 +82,14 @@ def _load(files: list[Path]) -> tuple[list[Scenario], list[Suite]]:
 def _run_one(scenario: Scenario, options: argparse.Namespace, progress: Progress) -> tuple[int, Suite]:
     name = scenario.name
     try:
+        from systems.parallel import processors
         from verify.pipeline import run_scenario  # loads Drake: not for bad input
 
         # Drake tells of each solve that did not succeed; the stages try again, and say what counts.
         logging.getLogger("drake").setLevel(logging.WARNING)
-        outcome = run_scenario(scenario, options.out, overrides=dict(options.gate), say=progress.say)
+        outcome = run_scenario(
+            scenario, options.out, overrides=dict(options.gate), say=progress.say, workers=processors()
+        )
         _write_index(options.out)
     except (ScenarioError, OutputError) as error:
         with progress.paused():

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from systems import SimulationRun, simulate, tracking_diagram
-from systems.margins import Disturbed, Studies, Trial, find_margin, robustness
+from systems import SimulationRun, margins, simulate, tracking_diagram
+from systems.margins import Disturbed, Studies, Trial
 from systems.stops import StopRecords, emergency_stops
 from verify import evidence
 from verify.replay import write_replay
@@ -21,6 +21,7 @@ from vnav_drake.problem import Problem
 from vnav_drake.scenario import Scenario
 
 SHOWN = 6  # stops drawn in the replay
+MANY_STOPS = 40  # instants from which on it pays to start worker processes
 
 
 def main_model(scenario: Scenario) -> str:
@@ -52,6 +53,7 @@ def stop_everywhere(stages: Stages, plan: Plan) -> StopRecords | None:
             count=settings.stops,
             model=main_model(scenario),
             reaction_time=problem.braking.reaction_time,
+            workers=stages.workers if settings.stops >= MANY_STOPS else 1,
             progress=told,
         ),
     )
@@ -63,14 +65,10 @@ def study(stages: Stages, plan: Plan) -> Studies | None:
     if not scenario.simulation.studies:
         return None
     robot, model, told = scenario.problem.robot, main_model(scenario), stages.told("studies")
-
-    def work() -> Studies:
-        return Studies(
-            margin=find_margin(robot, plan.trajectory, model=model, progress=told),
-            robustness=robustness(robot, plan.trajectory, model=model, progress=told),
-        )
-
-    return stages.run("studies", work)
+    return stages.run(
+        "studies",
+        lambda: margins.study(robot, plan.trajectory, model=model, workers=stages.workers, progress=told),
+    )
 
 
 def wiring(scenario: Scenario, done: Progress) -> Any:

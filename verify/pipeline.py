@@ -79,12 +79,16 @@ def run_scenario(
     *,
     overrides: Mapping[str, float] | None = None,
     say: Say = lambda _text: None,
+    workers: int = 1,
 ) -> Outcome:
     """Plan, simulate, judge and report one scenario into `out/<name>/`, whole or not at all.
 
     Parameters
     ----------
     overrides : limits of gates that take precedence over the scenario's.
+    say : is told what is being done.
+    workers : processes that may share the simulations; with more than one, the main part of a script must be
+        guarded, as `multiprocessing` asks. Results do not depend on it.
 
     Raises
     ------
@@ -97,25 +101,26 @@ def run_scenario(
         with interruption:
             try:
                 with folder:
-                    return _fill(folder, interruption, scenario, overrides or {}, say)
+                    stages = Stages(
+                        scenario=scenario,
+                        say=lambda text: _heeding(interruption, say, text),
+                        interruption=interruption,
+                        workers=workers,
+                    )
+                    return _fill(folder, stages, overrides or {})
             finally:  # once more, where a signal struck before the folder's own tidying up had begun
                 folder.discard()
     finally:
         interruption.restore()
 
 
-def _fill(
-    folder: ResultFolder,
-    interruption: Interruption,
-    scenario: Scenario,
-    overrides: Mapping[str, float],
-    say: Say,
-) -> Outcome:
-    def heeding(text: str) -> None:
-        interruption.check()
-        say(text)
+def _heeding(interruption: Interruption, say: Say, text: str) -> None:
+    interruption.check()
+    say(text)
 
-    stages = Stages(scenario=scenario, say=heeding, interruption=interruption)
+
+def _fill(folder: ResultFolder, stages: Stages, overrides: Mapping[str, float]) -> Outcome:
+    scenario = stages.scenario
     done = stages.done
     _plan(stages, overrides)
     judgement = _executed_optimum(stages, folder.work, overrides)
@@ -124,7 +129,7 @@ def _fill(
         judgement = _judged(stages, folder.work, overrides)
     result = _result(judgement, done, overrides, scenario.plan.through)
     show_replay(stages, folder.work)
-    say(f"{scenario.name}: writing the report")
+    stages.say(f"{scenario.name}: writing the report")
     write_report(
         folder.work / evidence.REPORT,
         scenario=scenario,

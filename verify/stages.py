@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from systems import SimulationError, SimulationRun
 from systems.margins import Studies
+from systems.parallel import WorkerError
 from systems.stops import StopRecords
 from verify.analytic import Analytic
 from verify.interruption import Interruption
@@ -68,6 +69,7 @@ class Stages:
     scenario: Scenario
     say: Say
     interruption: Interruption
+    workers: int = 1  # processes that may share the simulations
     done: Progress = field(default_factory=Progress)
 
     def run(self, name: str, work: Callable[[], T], *, only_for: str = "") -> T | None:
@@ -87,7 +89,7 @@ class Stages:
             raise self.scenario.error("goal.position", str(error)) from error
         except NoClassError as error:
             raise self.scenario.error("plan.through", str(error)) from error
-        except (PlanningError, SimulationError, ReplayError) as error:
+        except (PlanningError, SimulationError, WorkerError, ReplayError) as error:
             self.interruption.check()
             self.done.missing.append(Missing(stage=name, reason=str(error), only_for=only_for))
             return None
