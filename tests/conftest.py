@@ -19,10 +19,11 @@ settings.load_profile("ci" if os.environ.get("CI") else "local")
 
 @pytest.fixture
 def unreported(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Runs write an empty report: drawing takes most of a small run's time, and has tests of its own."""
+    """Runs draw neither report nor replay: that takes most of a small run, and has tests of its own."""
     from verify import pipeline
 
     def write(file: Path, **_: object) -> None:
         file.write_text("not drawn")
 
     monkeypatch.setattr(pipeline, "write_report", write)
+    monkeypatch.setattr(pipeline, "show_replay", lambda *_: None)

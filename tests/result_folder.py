@@ -12,6 +12,7 @@ import pytest
 from judged import scenario
 
 from verify import pipeline
+from verify.driving import show_replay
 from verify.pipeline import Outcome, run_scenario
 from verify.report import write_report
 
@@ -40,6 +41,7 @@ def outcome() -> Outcome:
     out = Path(mkdtemp(prefix="vnav-result-"))
     with pytest.MonkeyPatch.context() as patch:  # also where the test that asks first leaves the report out
         patch.setattr(pipeline, "write_report", write_report)
+        patch.setattr(pipeline, "show_replay", show_replay)
         return run_scenario(scenario(**CHANGES), out)
 
 

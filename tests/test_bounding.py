@@ -391,14 +391,14 @@ def test_an_optimum_with_a_kink_is_not_executed():
 
 
 def test_a_vehicle_that_strays_or_a_simulation_that_ends_early_leaves_the_refined_plan(monkeypatch):
-    def fail(*_: object) -> None:
+    def fail(*_: object, **__: object) -> None:
         raise SimulationError("diverged")
 
     monkeypatch.setattr(choosing, "simulate", fail)
-    assert drive_as_planned(scenario(), straight()) is None
-    monkeypatch.setattr(choosing, "simulate", lambda *_: SimpleNamespace())
+    assert drive_as_planned(scenario(), straight(), "single_track") is None
+    monkeypatch.setattr(choosing, "simulate", lambda *_, **__: SimpleNamespace())
     monkeypatch.setattr(choosing, "follows", lambda *_: False)
-    assert drive_as_planned(scenario(), straight()) is None
+    assert drive_as_planned(scenario(), straight(), "single_track") is None
 
 
 def test_a_run_that_strays_falls_back_to_the_refined_plan(tmp_path, monkeypatch):

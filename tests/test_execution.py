@@ -28,7 +28,7 @@ def run_along(
     trajectory: Trajectory, *, beside: float = 0.0, late: float = 0.0, **details: bool
 ) -> SimpleNamespace:
     """The recorded run of a vehicle that keeps these errors throughout."""
-    told = {"arrived": True, "slid": False, "wheel_lift": False, "pitch_lift": False, **details}
+    told = {"arrived": True, "slid": False, "wheel_lift": False, "fell": False, **details}
     x = np.maximum(trajectory.x - late * trajectory.v, 0.0)
     return SimpleNamespace(t=trajectory.t, x=x, y=trajectory.y + beside, details=told)
 
@@ -81,13 +81,13 @@ def astray(monkeypatch) -> tuple[Plan, list[float]]:
         return plan
 
     monkeypatch.setattr(execution, "plan_full", plan_again)
-    monkeypatch.setattr(execution, "simulate", lambda _, motion: run_along(motion, beside=1.0))
+    monkeypatch.setattr(execution, "simulate", lambda _, motion, **__: run_along(motion, beside=1.0))
     return plan, frictions
 
 
 def test_where_no_share_helps_the_first_run_stands(astray):
     plan, frictions = astray
-    assert execute(scenario(), plan).plan is plan
+    assert execute(scenario(), plan, "single_track").plan is plan
     assert frictions == pytest.approx([share * 0.6 for share in SHARES])
 
 
@@ -95,16 +95,16 @@ def test_shares_that_leave_nothing_to_turn_with_are_not_planned_with(astray):
     # mu g = 1.0791 m/s^2: times 0.975: 1.052, times 0.95: 1.025, times 0.9: 0.971 < a_b = 1: none is left.
     plan, frictions = astray
     asked = scenario(robot={"friction": 0.11}, braking={"friction_reserve": True})
-    assert execute(asked, plan).plan is plan
+    assert execute(asked, plan, "single_track").plan is plan
     assert frictions == pytest.approx([0.975 * 0.11, 0.95 * 0.11])
 
 
 def test_the_share_that_helps_is_told(astray, monkeypatch):
     plan, _ = astray
     runs = iter([1.0, 1.0, 0.0])
-    monkeypatch.setattr(execution, "simulate", lambda _, motion: run_along(motion, beside=next(runs)))
+    monkeypatch.setattr(execution, "simulate", lambda _, motion, **__: run_along(motion, beside=next(runs)))
     asked = scenario(plan={"effort": "quick"})
-    found = execute(asked, replace(plan, details={"seeds": ["one"]}))
+    found = execute(asked, replace(plan, details={"seeds": ["one"]}), "single_track")
     assert found.plan.details["limit_share"] == SHARES[1]
     assert found.plan.details["full_limit_time"] == pytest.approx(20.0)
     assert found.plan.details["seeds"] == ["one"]
