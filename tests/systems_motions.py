@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -37,6 +38,24 @@ def drive(path: Path, *, start: float, end: float, cruise: float, rate: float = 
     return Trajectory(t, x, y, heading, v, np.append(a, a[-1]), np.append(curvature, curvature[-1]), far)
 
 
+def straight(length: float, **speeds: float) -> Trajectory:
+    """A straight line, neither along an axis of the world nor from its origin; speeds as for `drive`."""
+    return drive(Path.from_arcs((1.0, 2.0), 0.3, [0.0], [length]), **speeds)
+
+
+def mirrored(m: Trajectory) -> Trajectory:
+    """Mirrored at the x axis."""
+    return replace(m, y=-m.y, heading=-m.heading, curvature=-m.curvature)
+
+
+def enlarged(m: Trajectory, factor: float) -> Trajectory:
+    """The path enlarged, at speeds that leave all accelerations what they are."""
+    root = np.sqrt(factor)
+    return replace(
+        m, x=factor * m.x, y=factor * m.y, t=root * m.t, v=root * m.v, curvature=m.curvature / factor
+    )
+
+
 def circle(radius: float, speed: float, turns: float = 1.0) -> Trajectory:
     """At constant speed to the left."""
     path = Path.from_arcs((0.0, 0.0), 0.0, [1.0 / radius], [2.0 * np.pi * radius * turns])
@@ -58,10 +77,19 @@ def s_curve(*, start: float, end: float, cruise: float) -> Trajectory:
     )
 
 
-def corridors(*, start: float, end: float, cruise: float, radius: float = 1.5) -> Trajectory:
+def corridors(
+    *,
+    start: float,
+    end: float,
+    cruise: float,
+    radius: float = 1.5,
+    straights: tuple[float, float] = (25.0, 18.0),
+) -> Trajectory:
     """Along the bottom of a warehouse, then up its left side: a right turn of a quarter."""
     quarter = 0.5 * np.pi * radius
-    path = Path.from_arcs((28.5, 1.9), np.pi, [0.0, -1.0 / radius, 0.0], [25.0, quarter, 18.0])
+    path = Path.from_arcs(
+        (28.5, 1.9), np.pi, [0.0, -1.0 / radius, 0.0], [straights[0], quarter, straights[1]]
+    )
     return drive(path, start=start, end=end, cruise=cruise)
 
 

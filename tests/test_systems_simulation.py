@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram
-from systems_motions import circle, corridors, drive, lateral_error, s_curve
+from systems_motions import circle, corridors, drive, lateral_error, mirrored, s_curve, straight
 
 import systems
 from systems import diagram_graphviz, run_columns
@@ -23,10 +23,6 @@ simulate = partial(systems.simulate, model="single_track")
 
 ROBOT = Robot(radius=0.4)
 SLIPPERY = Robot(radius=0.4, friction=1.0 / 9.81)  # mu g = a_b = 1 m/s^2
-
-
-def straight(length: float, **speeds: float) -> Trajectory:
-    return drive(Path.from_arcs((1.0, 2.0), 0.3, [0.0], [length]), **speeds)
 
 
 def fixed_step(diagram: Diagram, step: float = 2.5e-3) -> Simulator:
@@ -116,10 +112,6 @@ def test_kinetic_energy_is_the_work_of_the_tyres():
     energy = 0.5 * ROBOT.mass * run.v**2
     # the force jumps twice, once from 0 and once to it within 10 ms rows: 40 N * 15 mm
     np.testing.assert_allclose(work, energy, atol=1.3)
-
-
-def mirrored(m: Trajectory) -> Trajectory:
-    return replace(m, y=-m.y, heading=-m.heading, curvature=-m.curvature)
 
 
 def test_mirrored_trajectory_gives_the_mirrored_run(curve, curve_run):
