@@ -30,11 +30,14 @@ from vnav_drake.problem import Problem
 from vnav_drake.world import World
 
 Array = NDArray[np.float64]
+Box = tuple[float, float, float, float]  # x0, y0, x1, y1 [m]
 
 GROUND = 0.5  # drawing order of the floor: what covers it, below the obstacles, lies between this and 1
 MOST_NAMES = 60  # more names than that are noise on a map
 COLOURED_PIECES = 320  # pieces of one colour each along the executed path
 LOWEST_UPRIGHT_BAR = 330.0  # [px] height of a map beside which its colour bar can stand
+AROUND = 0.7  # of the extent of the path, on each side of it, that the isochrones are drawn on
+CROPPED = 0.25  # of the world's area: a larger part is not worth a cut
 BAR_STEPS = 64  # shades of the colour bar
 
 
@@ -157,6 +160,23 @@ def map_height(world: World, width: float, *, bar: bool) -> float:
         )
         + 48.0
     )
+
+
+def window_around(world: World, x: Array, y: Array) -> Box | None:
+    """The part of the world around points (n,) [m], where that is much less than all of it."""
+    points = np.column_stack([x, y])
+    pad = AROUND * float(np.ptp(points, axis=0).max())
+    low = np.maximum(points.min(axis=0) - pad, world.bounds[:2])
+    high = np.minimum(points.max(axis=0) + pad, world.bounds[2:])
+    if np.prod(high - low) > CROPPED * shapely.box(*world.bounds).area or not np.all(high > low):
+        return None
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def window_height(window: Box, width: float) -> float:
+    """Height [px] of a picture `width` px wide that shows this part of the world alone."""
+    x0, y0, x1, y1 = window
+    return float(np.clip((width - 56.0) * (y1 - y0) / (x1 - x0), 0.16 * width, 1.1 * width)) + 48.0
 
 
 def draw_world(axes: Axes, world: World, *, names: bool, scale: bool = True) -> None:

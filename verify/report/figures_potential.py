@@ -21,7 +21,16 @@ from numpy.typing import NDArray
 
 from verify.report.bound import BoundMesh, long_sides
 from verify.report.curves import halo
-from verify.report.figures_map import GROUND, draw_ends, draw_world, map_height, outline
+from verify.report.figures_map import (
+    GROUND,
+    Box,
+    draw_ends,
+    draw_world,
+    map_height,
+    outline,
+    window_around,
+    window_height,
+)
 from verify.report.numbers import count, percent, power_of_ten, seconds_proven, significant
 from verify.report.palette import BANDS, INK, MUTED, PAPER, RACK_EDGE, SLACKS, method
 from verify.report.series import thinned_path
@@ -31,15 +40,12 @@ from vnav_drake.problem import Problem
 from vnav_drake.world import World
 
 Array = NDArray[np.float64]
-Box = tuple[float, float, float, float]  # x0, y0, x1, y1 [m]
 
 SLACK_STEPS = (0.3, 0.1, 1e-2, 1e-4)  # between the tones of SLACKS, from loose to tight
 LEAST_SIDE = 1.5  # [px]: shorter sides of triangles only blacken a picture
 WIDEST_ZOOM = 0.08  # of the world's diameter, from an end to the rim of the picture around it
 NUMBER_ROOM = 0.04  # of the picture's diagonal: least distance of an isochrone's number from both ends
 NUMBERS_APART = 0.045  # of the picture's diagonal: least distance between two numbers
-AROUND = 0.7  # of the extent of the path, on each side of it, that the isochrones are drawn on
-CROPPED = 0.25  # of the world's area: a larger part is not worth a cut
 MOST_BANDS = len(BANDS) - 2  # one tone for what lies before the start, one for what lies after the goal
 PATH_SAMPLES = 1500  # along the path, where the potential is looked up
 NEAR = 0.01  # gap, ratio: up to this the best path known is told to be like the fastest one
@@ -187,7 +193,7 @@ def draw_potential(problem: Problem, mesh: BoundMesh, way: Way | None) -> Pictur
     ends = mesh.potential(np.array([problem.start.point, problem.goal.point]))
     total = float(ends[1] - ends[0])
     step = isochrone_step(total)
-    window = _window(problem.world, way)
+    window = None if way is None else window_around(problem.world, way.motion.x, way.motion.y)
     drawn = _contours(mesh, float(ends[0]), total, way, window or problem.world.bounds)
     spoken = (
         f"The potential rises by {seconds_proven(total)} from start to goal; one band is {step:g} s. "
@@ -229,26 +235,13 @@ def isochrone_step(total: float) -> float:
     return next(s * power for s in (1.0, 2.0, 5.0, 10.0) if total <= MOST_BANDS * s * power)
 
 
-def _window(world: World, way: Way | None) -> Box | None:
-    """The part of the world around the path, where that is much less than all of it."""
-    if way is None:
-        return None
-    path = np.column_stack([way.motion.x, way.motion.y])
-    pad = AROUND * float(np.ptp(path, axis=0).max())
-    low = np.maximum(path.min(axis=0) - pad, world.bounds[:2])
-    high = np.minimum(path.max(axis=0) + pad, world.bounds[2:])
-    if np.prod(high - low) > CROPPED * shapely.box(*world.bounds).area:
-        return None
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-
 def _potential(
     problem: Problem, drawn: _Potential, way: Way | None, window: Box | None, described: dict[str, str],
     width: float,
 ) -> Markup:  # fmt: skip
     world, wide = problem.world, width == WIDE
     x0, y0, x1, y1 = window or world.bounds
-    height = map_height(world, width, bar=False) if window is None else _height(width, (y1 - y0) / (x1 - x0))
+    height = map_height(world, width, bar=False) if window is None else window_height(window, width)
     figure, axes = new_axes(width, height, x="x [m]", y="y [m]")
     draw_world(axes, world, names=False, scale=window is None)
     if window is not None:
@@ -273,11 +266,6 @@ def _potential(
         )  # fmt: skip
         halo(text)
     return to_svg(figure, **described)
-
-
-def _height(width: float, aspect: float) -> float:
-    """Height [px] of a picture `width` px wide whose axes have this ratio of height to width."""
-    return float(np.clip((width - 56.0) * aspect, 0.16 * width, 1.1 * width)) + 48.0
 
 
 @dataclass(frozen=True, kw_only=True)

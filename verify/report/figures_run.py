@@ -101,15 +101,16 @@ def draw_run(run: SimulatedRun, max_steering: float) -> Picture | None:
     if not rows:
         return None
     spoken = "; ".join(panel.words for panel in rows)
+    title = "What the wheels did" if len(rows) > 1 else rows[0].title
     described = {
         "key": "run-channels",
-        "title": "What the wheels did",
+        "title": title,
         "description": f"Over {run.t[-1]:.2f} s: {spoken}.",
     }
     return both_widths(
         partial(_draw, run.t, rows, mode),
         described,
-        heading="What the wheels did",
+        heading=title,
         caption="Every extreme is kept where curves are thinned."
         + (" Torque: drive and brake together, negative slows." if run.of_wheels("torque") else ""),
     )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from verify.report.curves import Curve, halo, label_points
 from verify.report.evidence import SimulatedRun
-from verify.report.figures_map import draw_ends, draw_world, map_height
+from verify.report.figures_map import draw_ends, draw_world, map_height, window_around, window_height
 from verify.report.numbers import significant, with_unit
 from verify.report.palette import CASING, INK, LIMIT, PAPER, STRAIGHTENED, method
 from verify.report.series import thinned_path
@@ -61,11 +61,14 @@ def draw_stops_map(data: StopsData) -> Picture:
 
 def _map(data: StopsData, bad: Sequence[FailedStop], described: dict[str, str], width: float) -> Markup:
     world, wide = data.problem.world, width == WIDE
-    figure, axes = new_axes(width, map_height(world, width, bar=False), x="x [m]", y="y [m]")
-    draw_world(axes, world, names=wide)
+    window = window_around(world, data.stops.x, data.stops.y)
+    height = map_height(world, width, bar=False) if window is None else window_height(window, width)
+    figure, axes = new_axes(width, height, x="x [m]", y="y [m]")
+    draw_world(axes, world, names=wide and window is None, scale=window is None)
+    if window is not None:
+        axes.set_xlim(window[0], window[2])
+        axes.set_ylim(window[1], window[3])
     size, held = world.diameter, method("simulation")
-    if data.run is not None:
-        axes.plot(*thinned_path(data.run.x, data.run.y, size), color=CASING.light, lw=1.0)
     lines = [np.column_stack(thinned_path(x, y, size)) for x, y in data.stops.paths()]
     for kind, colour, dash in ((False, held.light, "solid"), (True, STRAIGHTENED.light, DASHED)):
         some = [
@@ -74,6 +77,8 @@ def _map(data: StopsData, bad: Sequence[FailedStop], described: dict[str, str], 
         if some:
             broken = np.concatenate([part for line in some for part in (line, [[np.nan, np.nan]])])
             axes.plot(*broken.T, color=colour, lw=1.1 if wide else 0.8, ls=dash, dash_capstyle="butt")
+    if data.run is not None:
+        axes.plot(*thinned_path(data.run.x, data.run.y, size), color=CASING.light, lw=1.0)
     for stop in bad:
         dash = DASHED if data.stops.straightened[stop.index] else "solid"
         axes.plot(*lines[stop.index].T, color=LIMIT.light, lw=2.6 if wide else 2.0, ls=dash, zorder=4)
