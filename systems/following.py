@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ from systems.run import SimulationRun
 from vnav_drake.plan import Trajectory
 
 Array = NDArray[np.float64]
+
+SAMPLING = 5e-3  # [s], of the trajectory that a run is compared with
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,15 +44,18 @@ def following(run: SimulationRun, trajectory: Trajectory, tolerance: Tolerance) 
 
     The cause is what went wrong first in kind: a fall explains a slide, a slide explains leaving the path.
     """
-    tree = cKDTree(np.column_stack([trajectory.x, trajectory.y]))
-    _, row = tree.query(np.column_stack([run.x, run.y]))
-    heading = trajectory.heading[row]
-    dx, dy = run.x - trajectory.x[row], run.y - trajectory.y[row]
+    # rows may lie far apart in time, above all where the plan starts from rest
+    count = math.ceil(trajectory.travel_time / SAMPLING) + 1
+    times = np.linspace(trajectory.t[0], trajectory.t[-1], count)
+    x, y, course = trajectory.at(times)[:3]
+    _, nearest = cKDTree(np.column_stack([x, y])).query(np.column_stack([run.x, run.y]))
+    heading = course[nearest]
+    dx, dy = run.x - x[nearest], run.y - y[nearest]
     across = np.abs(dy * np.cos(heading) - dx * np.sin(heading))
     during = run.t <= trajectory.t[-1]
     during[0] = True
     sideways = float(np.max(across[during]))
-    late = float(np.max((run.t - trajectory.t[row])[during]))
+    late = float(np.max((run.t - times[nearest])[during]))
     facts = run.details
     causes = (
         (facts["fell"], "falls"),

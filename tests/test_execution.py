@@ -108,3 +108,13 @@ def test_the_share_that_helps_is_told(astray, monkeypatch):
     assert found.plan.details["limit_share"] == SHARES[1]
     assert found.plan.details["full_limit_time"] == pytest.approx(20.0)
     assert found.plan.details["seeds"] == ["one"]
+
+
+def test_a_start_from_rest_with_rows_far_apart_is_not_late():
+    # From rest at 1 m/s^2 with a row every 0.5 s: the first 0.35 s are nearest to the first row, but on time.
+    t = np.arange(0.0, 4.5, 0.5)
+    nil, one = np.zeros(len(t)), np.ones(len(t))
+    plan = Trajectory(t, 0.5 * t * t, nil, nil, t, one, nil, nil)
+    often = np.linspace(0.0, 4.0, 401)
+    nil, one = np.zeros(len(often)), np.ones(len(often))
+    assert follows(run_along(Trajectory(often, 0.5 * often**2, nil, nil, often, one, nil, nil)), plan)
