@@ -21,7 +21,7 @@ from systems.diagram import CONTROL_PERIODS, TrackingDiagram, tracking_diagram
 from systems.four_wheel import WHEELS
 from systems.parallel import in_parallel
 from systems.run import SLIDE_DEMAND
-from systems.simulation import SimulationError, check_motion, mode_of, started
+from systems.simulation import ARRIVED, SimulationError, check_motion, mode_of, started
 from systems.single_track import Motion
 from systems.supervisor import Mode
 from systems.wheels import RECORD
@@ -163,7 +163,6 @@ class _Stopper:
         loop.ask_to_stop(context, instant, straightened=straightened)
         log = loop.log.FindMutableLog(context)
         log.Clear()
-        loop.diagram.ForcedPublish(context)  # the instant need not be one that is logged
         self.aside.Initialize()
         loop.diagram.ForcedPublish(context)  # a row at the instant, wherever the log has its own
         speed = math.hypot(*loop.vehicle.state(context)[3:5])
@@ -172,7 +171,10 @@ class _Stopper:
         while True:
             end += LOOK
             self.aside.AdvanceTo(end)
-            if mode_of(loop, context) in (Mode.STOPPED, Mode.FALLEN) or end >= latest:
+            mode, state = mode_of(loop, context), loop.vehicle.state(context)
+            # a tall body that sways on its tyres may stand for a moment only
+            standing = mode == Mode.STOPPED and math.hypot(*state[3:5]) < ARRIVED
+            if standing or mode == Mode.FALLEN or end >= latest:
                 break
         loop.diagram.ForcedPublish(context)
         return _rows(loop.model, self.robot, log.sample_times() - instant, log.data())

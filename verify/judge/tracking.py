@@ -14,7 +14,7 @@ from verify.judge.following import follow
 from verify.judge.geometry import Surroundings
 from verify.judge.limits import Limits
 from verify.judge.motion import Motion
-from verify.judge.wheels import FALLEN, LASTING, lifted
+from verify.judge.wheels import FALLEN, TIPPING, lifted
 
 Array = NDArray[np.float64]
 
@@ -200,9 +200,9 @@ def _off_the_floor(record: Record, vehicle: str, limits: Limits) -> list[tuple[b
     if record.vehicle != vehicle:
         return [(True, 0, f"a run of the model {record.vehicle}, where {vehicle} was to drive")]
     if record.wheels is not None:
-        airborne = lifted(record.wheels.least_side, record.t, np.array([0, len(record.t)]))
+        airborne = lifted(record.wheels.least_side, record.t, np.array([0, len(record.t)]), TIPPING)
         fallen = (record.wheels.mode >= FELL) | (np.abs(record.wheels.tilt) > FALLEN)
-        up = f"two wheels were in the air for {LASTING} s or longer"
+        up = f"two wheels were in the air for {TIPPING} s or longer"
         return [
             (bool(airborne.any()), int(np.argmax(airborne)), up),
             (bool(fallen.any()), int(np.argmax(fallen)), "the vehicle fell"),

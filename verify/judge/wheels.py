@@ -9,20 +9,22 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-FALLEN = math.radians(
-    30.0
-)  # [rad], of the body's axis from the plumb line: beyond what wheels or springs give
+# [rad], of the body's axis from the plumb line: beyond what wheels or springs give
+FALLEN = math.radians(30.0)
 UNLOADED = 1e-3  # of the load at rest: wheels that carry less are in the air
 SLIDING = 0.05  # [m/s], of a contact patch over the floor: rolling wheels creep by some mm/s
 LASTING = 0.05  # [s], that a wheel slides or is in the air; less is the chatter of a contact
+# [s], that a side or an axle is in the air. A tall body that sways from one bend into the next takes the weight
+# off a side for half a swing, about 0.1 s, and by a millimetre or two; what tips stays up.
+TIPPING = 0.2
 
 
-def lifted(load: Array, t: Array, first: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(m,) rows at which what carries `load`, over its share at rest, is in the air for `LASTING` or longer.
+def lifted(load: Array, t: Array, first: NDArray[np.int64], duration: float = LASTING) -> NDArray[np.bool_]:
+    """(m,) rows at which what carries `load`, over its share at rest, is in the air for `duration` [s].
 
     See `lasting`.
     """
-    return lasting(load <= UNLOADED, t, first, LASTING)
+    return lasting(load <= UNLOADED, t, first, duration)
 
 
 def slid(slip: Array, t: Array, first: NDArray[np.int64]) -> NDArray[np.bool_]:
