@@ -32,7 +32,8 @@ def test_a_run_leaves_the_evidence_the_result_and_the_report():
     folder = outcome().report.parent
     assert outcome().exit_code == 0
     assert set(contents(folder)) == {
-        "scenario.yaml", "trajectory.csv", "simulation.csv", "certificate.npz", "result.json", "report.html",
+        "scenario.yaml", "trajectory.csv", "simulation.csv", "stops.npz", "certificate.npz", "result.json",
+        "report.html", "replay.html",
         "trajectories/speed_graph.csv", "trajectories/voronoi_route.csv", "trajectories/collocation.csv",
         "trajectories/refined.csv",
     }  # fmt: skip
@@ -155,6 +156,17 @@ def command(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "verify", *arguments]
 
 
+def undrawn(*arguments: str) -> list[str]:
+    """The command without report and replay."""
+    code = (
+        "import sys\nfrom verify import __main__, pipeline\n"
+        "pipeline.write_report = lambda file, **_: file.write_text('not drawn')\n"
+        "pipeline.show_replay = lambda *_: None\n"
+        "sys.exit(__main__.main(sys.argv[1:]))"
+    )
+    return [sys.executable, "-c", code, *arguments]
+
+
 def environment() -> dict[str, str]:
     return {**os.environ, "OMP_NUM_THREADS": "1"}
 
@@ -195,13 +207,13 @@ def test_two_runs_at_once_leave_one_whole_result_and_write_nothing_but_their_lin
     out = tmp_path / "out"
     runs = [
         subprocess.Popen(
-            command(str(file), "--out", str(out)),
+            one(str(file), "--out", str(out)),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
             env=environment(),
         )
-        for _ in range(2)
+        for one in (command, undrawn)
     ]
     for run in runs:
         said, complained = run.communicate(timeout=120)
