@@ -27,7 +27,7 @@ from verify.report.html import render
 from verify.report.simulation import graphviz_source, simulation_sections
 from verify.report.stops import StopPaths, read_stop_paths
 from verify.report.story_limits import case_rows, margin, margin_sentences, robustness_sentence, shown_columns
-from verify.report.story_stops import WORST_CHORD, sharing, stop_story, stops_sentence
+from verify.report.story_stops import WORST_CHORD, leaving, sharing, stop_story, stops_sentence
 from vnav_drake.problem import Problem
 
 INSTANTS = 12
@@ -216,15 +216,15 @@ def test_stops_that_leave_their_disc_are_told_as_a_finding_about_the_source():
 
 def test_where_friction_suffices_the_source_is_not_to_blame():
     problem = slippery(3.0)  # sqrt(9 - 0.864^2) = 2.87 m/s^2 are left, a_b = 1
-    slow = replace(
-        problem, robot=replace(problem.robot, friction=0.9 / 9.81)
-    )  # a vehicle that brakes too late
+    # a vehicle that brakes at 0.9 m/s^2 instead: 1/0.9 = 1.11 times as far
+    slow = replace(problem, braking=replace(problem.braking, max_braking=0.9))
     stops = stops_of(slow, ((5.0, 2.0, 0.0, 1.2), 0.0, False))
+    assert leaving(problem, stops).tolist() == [True]
     shared, turn = sharing(problem, stops, turning_run(0.864))
     assert not shared.any()
-    assert turn == pytest.approx(0.864 / 3.0)
+    assert turn == 0.0
     told = stop_story(left(problem, stops), problem, stops, turning_run(0.864), asked=True)
-    assert "friction would have sufficed" in told.finding[1]
+    assert told.finding[1].startswith("They end up to 1.11 times as far away as claimed")
     assert not any("source" in words for words in told.finding)
 
 

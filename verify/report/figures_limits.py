@@ -57,7 +57,7 @@ def _draw(found: Margin, described: dict[str, str], width: float) -> Markup:
     axes.spines["left"].set_visible(False)
     axes.axhline(0.0, color=MUTED.light, lw=0.8, zorder=0)
     axes.axvline(1.0, color=MUTED.light, lw=1.2)
-    _write(axes, "as planned", 1.0, 0.9, MUTED.light, low, high)
+    _write(axes, "as planned", 1.0, -0.8, MUTED.light, low, high)
     if limit is not None:
         axes.axvline(limit, color=LIMIT.light, lw=1.4, ls="--")
         _write(axes, f"analytic: {short(found.analytic_by)}", limit, 0.9, LIMIT.light, low, high)

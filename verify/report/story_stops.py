@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from verify.judge.stops import SETTLING, STEP
 from verify.report.evidence import SimulatedRun
 from verify.report.numbers import DASH, count, number_in, seconds, significant, with_unit
-from verify.report.stops import StopPaths
+from verify.report.stops import LEAST_CLAIM, StopPaths
 from verify.report.story import Result, entries, mapping, words
 from verify.report.text import label, plain
 from vnav_drake.problem import Problem
 
 CAUSE_LENGTH = 40  # characters of a cause in a picture
 WORST_CHORD = 4.0 * np.sin(np.pi / 8.0)  # chord over v^2/(2 a_b) of a stop at lambda = 1, see `finding`
+SHARED = 0.95  # of a_b: with less than that left to brake with, turning is what makes a stop longer
 NO_RESERVE = 0.1  # of a_b: what is left to turn with where a_b takes about all the friction
 _COUNTS = (  # key, one, several
     ("collisions", "collides", "collide"),
@@ -160,13 +161,18 @@ def finding(
         f"{count(left)} of {count(tried)} stops leave the disc of the braking distance around the place where"
         f" they begin{far}{kinds}."
     ]
+    away = leaving(problem, stops)
     shared, turn = sharing(problem, stops, run)
     if shared.any():
         sentences += _source(problem, int(shared.sum()), turn)
-    elif turn > 0.0:
+    claimed = stops.claimed(problem.braking)
+    rest = away & ~shared & (claimed >= LEAST_CLAIM)
+    if rest.any():
+        most = float((stops.displacement[rest] / claimed[rest]).max())
+        whose = "The others" if shared.any() else "They"
         sentences.append(
-            "At these instants the friction would have sufficed to turn and to brake in full: what is driven "
-            "too far is the vehicle's own, whose brakes do not act at once."
+            f"{whose} end up to {significant(most)} times as far away as claimed: there the vehicle "
+            "itself brakes less than a_b."
         )
     if problem.friction_reserve:
         sentences.append("As braking.friction_reserve is asked for, each of them counts as failed.")
@@ -199,19 +205,25 @@ def _cure(problem: Problem) -> str:
     )
 
 
-def sharing(problem: Problem, stops: StopPaths, run: SimulatedRun | None) -> tuple[NDArray[np.bool_], float]:
-    """Stops (n,) that leave their disc, steering held, where turning leaves less friction than a_b needs.
+def leaving(problem: Problem, stops: StopPaths) -> NDArray[np.bool_]:
+    """Stops (n,) that leave the disc of the braking distance, beyond what steps and settling explain."""
+    claimed = stops.claimed(problem.braking)
+    return np.asarray(stops.displacement > claimed + SETTLING + STEP * stops.speed)
 
-    And the greatest lambda of those, or of all that leave it where there are none; 0 where none was recorded.
+
+def sharing(problem: Problem, stops: StopPaths, run: SimulatedRun | None) -> tuple[NDArray[np.bool_], float]:
+    """Stops (n,) that leave their disc, steering held, where turning leaves much less friction than a_b.
+
+    And the greatest lambda of those; 0 where there are none, or where the run does not tell.
     """
-    away = stops.displacement > stops.claimed(problem.braking) + SETTLING + STEP * stops.speed
     sway = None if run is None else run.channels.get("lateral_acceleration")
-    if run is None or sway is None or not away.any():
+    if run is None or sway is None:
         return np.zeros(len(stops), dtype=bool), 0.0
-    share = np.abs(np.interp(stops.instant, run.t, sway)) / problem.robot.friction_acceleration
-    spared = problem.robot.friction_acceleration * np.sqrt(np.maximum(1.0 - np.square(share), 0.0))
-    shared = away & ~stops.straightened & (spared < problem.robot.max_braking)
-    return shared, float(share[shared if shared.any() else away].max())
+    grip = problem.robot.friction_acceleration
+    share = np.abs(np.interp(stops.instant, run.t, sway)) / grip
+    spared = grip * np.sqrt(np.maximum(1.0 - np.square(share), 0.0))
+    shared = leaving(problem, stops) & ~stops.straightened & (spared < SHARED * problem.robot.max_braking)
+    return shared, float(share[shared].max()) if shared.any() else 0.0
 
 
 def _failed(item: Mapping[str, Any]) -> FailedStop:
