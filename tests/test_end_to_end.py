@@ -150,7 +150,9 @@ def test_short_ways_from_rest_to_rest_are_bang_bang(tmp_path, capsys, apart):
         world={"boundary": [[0, 0], [20, 0], [20, 12], [0, 12]], "obstacles": []},
         start={"position": [10, 6], "speed": "rest"},
         goal={"position": [10 + apart, 6], "speed": "rest"},
+        simulation={"model": "four_wheel", "stops": 3},
     )
+    assert result["simulation"]["emergency_stops"]["bad"] == 0
     assert result["plans"]["refined"]["travel_time"] == pytest.approx(2 * math.sqrt(apart), rel=1e-4)
     assert result["gaps"]["refinement"] == pytest.approx(0, abs=1e-3)
 
