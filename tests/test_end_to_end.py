@@ -8,6 +8,7 @@ import pytest
 import yaml
 from result_folder import NO_STOPS
 
+from verify.__main__ import main
 from verify.cli import run
 
 BASE = {
@@ -155,6 +156,21 @@ def test_short_ways_from_rest_to_rest_are_bang_bang(tmp_path, capsys, apart):
     assert result["simulation"]["emergency_stops"]["bad"] == 0
     assert result["plans"]["refined"]["travel_time"] == pytest.approx(2 * math.sqrt(apart), rel=1e-4)
     assert result["gaps"]["refinement"] == pytest.approx(0, abs=1e-3)
+
+
+def test_both_models_drive_and_each_is_judged(tmp_path, capsys):
+    result = verified(tmp_path, capsys, simulation={"model": "both", "stops": 2})
+    told = result["simulation"]
+    assert told["model"] == "four_wheel"
+    judged = {
+        check["trajectory"]: check["status"] for check in result["checks"] if check["name"] == "tracking"
+    }
+    assert judged == {"simulation": "passed", "single_track": "passed"}
+    # 3 cm is what either may stray from a motion with reserves, and they differ as vehicles do
+    assert told["max_tracking_error"] != told["single_track"]["max_tracking_error"]
+    assert max(told["max_tracking_error"], told["single_track"]["max_tracking_error"]) <= 0.03
+    assert (tmp_path / "out/s/simulation_single_track.csv").exists()
+    assert main(["check", str(tmp_path / "out/s")]) == 0
 
 
 def test_several_scenarios_where_one_cannot_be_planned(tmp_path, capsys):
