@@ -1,4 +1,4 @@
-"""Emergency stops and wheels made by hand for the tests of the report: a point that brakes within friction."""
+"""Emergency stops and wheels made by hand for the tests of the report: a point braking within friction."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def stop_rows(
 
 
 def wheels(t: Array, v: Array, curvature: Array, *, mass: float, height: float, base: float, track: float):
-    """Columns of a four-wheel record by statics: loads shift with acceleration through the height of the mass."""
+    """Columns of a four-wheel record by statics: acceleration shifts loads through the height of the mass."""
     along, across = np.gradient(v, t), v * v * curvature
     columns = {}
     for wheel in WHEELS:
@@ -69,7 +69,7 @@ def wheels(t: Array, v: Array, curvature: Array, *, mass: float, height: float, 
 
 
 def add_stops(folder: FilePath, problem: Problem, result: dict[str, Any], instants: int) -> None:
-    """Give the run in `folder` wheels, `instants` times two emergency stops, and `result` what is told of them."""
+    """Give the run in `folder` wheels and twice `instants` stops, and `result` what is told of them."""
     file = folder / "simulation.csv"
     table = np.genfromtxt(file, delimiter=",", names=True)
     t, x, y, heading, v = (table[name] for name in ("t", "x", "y", "heading", "v"))
@@ -113,7 +113,8 @@ def found(problem: Problem, stops: list[Array]) -> dict[str, Any]:
         moving = [i for i, c in enumerate(claimed) if c > 1e-3]
         return {
             "tried": len(some), "collisions": sum(d < 0.0 for d in least), "falls": 0, "not_stopped": 0,
-            "left_zone": int(sum(a > c + 1e-3 for a, c in zip(away, claimed, strict=True))), "slid": 0, "lifted": 0,
+            "left_zone": int(sum(a > c + 1e-3 for a, c in zip(away, claimed, strict=True))),
+            "slid": 0, "lifted": 0,
             "min_clearance": min(least), "bad": sum(d < 0.0 for d in least),
             "worst_distance_ratio": float(max(driven[i] / claimed[i] for i in moving)),
             "worst_displacement_ratio": float(max(away[i] / claimed[i] for i in moving)),
@@ -126,7 +127,8 @@ def found(problem: Problem, stops: list[Array]) -> dict[str, Any]:
             k = int(np.argmin(clearance))
             failed.append({
                 "stop": i, "instant": 0.0, "straightened": i % 2 == 1, "cause": "collision",
-                "x": float(rows[k, 1]), "y": float(rows[k, 2]), "t": float(rows[k, 0]), "depth": float(-clearance[k]),
+                "x": float(rows[k, 1]), "y": float(rows[k, 2]), "t": float(rows[k, 0]),
+                "depth": float(-clearance[k]),
             })  # fmt: skip
     return {
         **counted(stops), "instants": len(stops) // 2, "failed": failed,
@@ -148,8 +150,8 @@ STUDIES: dict[str, Any] = {
         "over": {"factor": 2.55, "demand": 1.1, "flagged": True, "cause": "slides"},
     },
     "robustness": [
-        {"case": "friction -10 %", "holds": True, "cause": "", "max_lateral_error": 0.004, "travel_time": 25.5,
-         "least_load": 0.81, "slid": False},
+        {"case": "friction -10 %", "holds": True, "cause": "", "max_lateral_error": 0.004,
+         "travel_time": 25.5, "least_load": 0.81, "slid": False},
         {"case": "mass +10 %", "holds": True, "cause": "", "max_lateral_error": 0.006, "travel_time": 25.6,
          "least_load": 0.8, "slid": False},
         {"case": "height of the centre of mass +10 %", "holds": False, "cause": "lifts a wheel",
