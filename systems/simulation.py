@@ -26,7 +26,7 @@ from systems.run import (
 )
 from systems.single_track import Motion, State
 from systems.supervisor import STANDING, Mode, Order
-from systems.wheels import RECORD
+from systems.wheels import FROM_CONTACT, RECORD
 from vnav_drake.plan import Trajectory
 from vnav_drake.robot import GRAVITY, Robot
 
@@ -219,6 +219,9 @@ def recorded(
     names = RECORD if four else Motion._fields
     motion = dict(zip(names, rows[:, keep], strict=True))
     motion["heading"] = np.unwrap(motion["heading"])
+    if four:  # nothing presses the wheels onto the floor before the first step: as after it
+        for name in FROM_CONTACT:
+            motion[name][0] = motion[name][min(1, len(t) - 1)]
     common = {name: motion.pop(name) for name in run_columns() if name != "t"}
     shown = _four_wheel_details(t, motion) if four else _single_track_details(robot, t, common, motion)
     details: dict[str, Any] = {

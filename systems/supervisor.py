@@ -16,8 +16,7 @@ FALLEN = math.radians(30.0)  # tilt beyond which a robot has fallen
 STANDING = 1e-3  # [m/s], slower than this the vehicle stands
 NEVER = math.inf  # [s], time of a stop that nobody asks for
 BRAKE_TIME = 0.02  # [s] before standing still, in which a brake gives less than its limit
-BRAKE_FRICTION = 0.98  # of the friction that brakes may take together with the turn
-LEAST_BRAKING = 0.3  # of that friction, however hard the turn: a robot that only turned would never stop
+LEAST_BRAKING = 0.3  # of the friction, however hard the turn: a robot that only turned would never stop
 
 
 class Mode(IntEnum):
@@ -138,7 +137,7 @@ class SingleTrackOrders(LeafSystem):  # type: ignore[misc]
         force = order.force
         if order.brake:
             robot, speed = self._robot, float(self.get_input_port(1).Eval(context)[3])
-            grip = BRAKE_FRICTION * robot.friction_acceleration
+            grip = robot.friction_acceleration
             left = math.sqrt(max(grip * grip - order.lateral**2, (LEAST_BRAKING * grip) ** 2))
             share = min(max(speed / (BRAKE_TIME * robot.max_braking), -1.0), 1.0)
             force = -robot.mass * share * min(robot.max_braking, left)

@@ -12,7 +12,7 @@ from pydrake.systems.framework import BasicVector, Context, InputPortIndex, Leaf
 
 from systems.four_wheel import WHEELS, FourWheel, WheelGeometry
 from systems.single_track import State
-from systems.supervisor import BRAKE_FRICTION, BRAKE_TIME, LEAST_BRAKING, Order
+from systems.supervisor import BRAKE_TIME, LEAST_BRAKING, Order
 from vnav_drake.robot import GRAVITY, Robot
 
 Array = NDArray[np.float64]
@@ -44,6 +44,8 @@ OWN = (
     "mode",
 )
 RECORD = COMMON + OWN  # what is recorded of the vehicle, in this order
+# what of it contact tells
+FROM_CONTACT = ("longitudinal_force", "lateral_acceleration", *OWN[:12], "least_load", "least_side")
 
 
 def wheel_loads(robot: Robot, wheels: WheelGeometry, forward: float, left: float) -> Array:
@@ -95,9 +97,11 @@ class WheelCommands(LeafSystem):  # type: ignore[misc]
         if order.brake:
             loads = wheel_loads(robot, wheels, -robot.max_braking, order.lateral)
             side = loads * abs(order.lateral) / GRAVITY
-            whole = BRAKE_FRICTION * robot.friction * loads
+            whole = robot.friction * loads
             room = np.sqrt(np.maximum(whole**2 - side**2, (LEAST_BRAKING * whole) ** 2))
-            taken = np.maximum(wheels.brake_limit - wheels.radius * room, 0.0)
+            # a brake slows its wheel, too, for which the floor need not push
+            useful = wheels.radius * room * (1.0 + wheels.spin_mass / robot.mass)
+            taken = np.maximum(wheels.brake_limit - useful, 0.0)
             # a brake gives its limit only while its wheel turns: taking back more would drive the vehicle
             share = min(max(order.speed / (BRAKE_TIME * robot.max_braking), -1.0), 1.0)
             torque[list(self._vehicle.drives)] = share * taken

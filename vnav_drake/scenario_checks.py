@@ -27,6 +27,9 @@ from vnav_drake.world import INSIDE_TOLERANCE, Obstacle, World, WorldError, circ
 
 SMALLEST_DETAIL = 1e-6  # [m]: outlines that come closer to themselves cannot be told from a degenerate one
 SAFE_SHARE = 1.0 - 1e-5  # of the safe speed, as a motion keeps a hair below it to be safe between its rows
+# Of g l/(2 h), for four wheels. Measured: brakes that come on at once at 0.95 of it leave the robot on its
+# wheels, at 0.97 it falls, whatever its mass, wheelbase and height (docs/simulation.md).
+BRAKING_SHARE = 0.95
 LEAST_CLEARANCE = 1e-6  # [m], beyond the margin: below it an end has no safe speed worth the name
 FRICTION_TOLERANCE = 1e-9  # relative: mu g may fall short of a_b by the rounding of a printed mu
 MAX_CONTACTS = 100_000  # pairs of edges or of obstacles that meet: what uniting them may cost
@@ -48,7 +51,7 @@ def robot_faults(spec: ScenarioSpec) -> list[Fault]:
                 f"stand {reach:.6g} m from its centre; expected at least that (or 0 for a point robot) [m]",
             )
         )
-    faults += _pitch_faults(robot)
+    faults += _pitch_faults(spec)
     grip = robot.friction * GRAVITY
     if grip < robot.max_braking * (1.0 - FRICTION_TOLERANCE):
         faults.append(
@@ -56,7 +59,7 @@ def robot_faults(spec: ScenarioSpec) -> list[Fault]:
                 ("robot", "friction"),
                 f"mu g = {grip:.12g} m/s^2 cannot carry max_braking = {robot.max_braking:g} m/s^2; "
                 f"expected at least max_braking / {GRAVITY:g} = {robot.max_braking / GRAVITY:.17g}, "
-                f"or max_braking at most {_possible(robot)} [m/s^2]",
+                f"or max_braking at most {_possible(spec, 'max_braking')} [m/s^2]",
             )
         )
     elif spec.braking.friction_reserve and grip <= robot.max_braking * (1.0 + FRICTION_TOLERANCE):
@@ -70,7 +73,7 @@ def robot_faults(spec: ScenarioSpec) -> list[Fault]:
     return faults
 
 
-def _pitch_limit(robot: RobotSpec) -> float:
+def pitch_limit(robot: RobotSpec) -> float:
     """g l/(2 h) [m/s^2]: whoever brakes or accelerates harder lifts an axle (moments about the other one)."""
     return math.inf if robot.com_height == 0.0 else 0.5 * GRAVITY * robot.wheelbase / robot.com_height
 
@@ -80,23 +83,33 @@ def rounded_down(number: float) -> str:
     return f"{float(decimal.Context(prec=6, rounding=decimal.ROUND_FLOOR).create_decimal(repr(number))):g}"
 
 
-def _possible(robot: RobotSpec) -> str:
-    """The greatest deceleration [m/s^2] that friction and the height allow."""
-    return rounded_down(min(robot.friction * GRAVITY, _pitch_limit(robot)))
+def _possible(spec: ScenarioSpec, key: str) -> str:
+    """The greatest deceleration or acceleration [m/s^2] that friction and the height allow."""
+    robot = spec.robot
+    return rounded_down(min(robot.friction * GRAVITY, _pitch_share(spec, key) * pitch_limit(robot)))
 
 
-def _pitch_faults(robot: RobotSpec) -> list[Fault]:
-    limit, grip = _pitch_limit(robot), robot.friction * GRAVITY
-    return [
-        Fault(
-            ("robot", key),
+def _pitch_share(spec: ScenarioSpec, key: str) -> float:
+    """Of the pitch limit, that brakes (`key` max_braking) or drive may reach."""
+    wheels = spec.robot.radius > 0.0 and spec.simulation.model != "single_track"
+    return BRAKING_SHARE if wheels and key == "max_braking" else 1.0
+
+
+def _pitch_faults(spec: ScenarioSpec) -> list[Fault]:
+    robot, faults = spec.robot, []
+    limit, grip = pitch_limit(robot), robot.friction * GRAVITY
+    for key, axle in (("max_braking", "rear"), ("max_acceleration", "front")):
+        share = _pitch_share(spec, key)
+        if getattr(robot, key) <= share * limit:
+            continue
+        swing = "" if share == 1.0 else f", of which {share:g} remain as brakes that come on make it swing"
+        message = (
             f"lifts the {axle} axle: a centre of mass {robot.com_height:g} m high above a wheelbase of "
-            f"{robot.wheelbase:g} m allows g l/(2 h) = {limit:.6g} m/s^2, friction mu g = {grip:.6g} m/s^2; "
-            f"expected at most {_possible(robot)} [m/s^2]",
+            f"{robot.wheelbase:g} m allows g l/(2 h) = {limit:.6g} m/s^2{swing}, friction mu g = {grip:.6g} "
+            f"m/s^2; expected at most {_possible(spec, key)} [m/s^2]"
         )
-        for key, axle in (("max_braking", "rear"), ("max_acceleration", "front"))
-        if getattr(robot, key) > limit
-    ]
+        faults.append(Fault(("robot", key), message))
+    return faults
 
 
 def build_robot(spec: RobotSpec) -> Robot:

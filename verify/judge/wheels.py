@@ -14,8 +14,8 @@ FALLEN = math.radians(30.0)
 UNLOADED = 1e-3  # of the load at rest: wheels that carry less are in the air
 SLIDING = 0.05  # [m/s], of a contact patch over the floor: rolling wheels creep by some mm/s
 LASTING = 0.05  # [s], that a wheel slides or is in the air; less is the chatter of a contact
-# [s], that a side or an axle is in the air. A tall body that sways from one bend into the next takes the weight
-# off a side for half a swing, about 0.1 s, and by a millimetre or two; what tips stays up.
+# [s], that a side or an axle is in the air. A tall body that sways from one bend into the next takes the
+# weight off a side for half a swing, about 0.1 s, and by a millimetre or two; what tips stays up.
 TIPPING = 0.2
 
 
