@@ -116,7 +116,10 @@ def test_the_answer_and_the_key_figures_tell_of_stops_and_margin(case):
     words = said(case[2])
     lead = said(re.search(r'<p class="lead">.*?</p>', case[2], flags=re.DOTALL)[0])
     assert f"24 emergency stops on the way: none collides, least clearance {least:.2f} m." in lead
-    assert "The vehicle holds the whole motion up to 2.31 times its speed, then it slides." in lead
+    assert (
+        "The vehicle holds the whole motion up to 2.31 times its speed, then it slides "
+        "(drive and brakes as strong as that takes)." in lead
+    )
     assert "Bad emergency stops 0 of 24" in words
     assert "Speed in hand 2.31 times" in words
 
@@ -375,7 +378,7 @@ def limits(**more: Any) -> dict[str, Any]:
 
 def test_the_margin_stands_beside_the_analytic_limit():
     words = " ".join(margin_sentences(limits()))
-    assert "up to 2.31 times its speed, then it slides." in words
+    assert "up to 2.31 times its speed, then it slides (drive and brakes as strong as that takes)." in words
     assert "the friction circle would end it at 2.43 times" in words
     assert (
         "At 2.55 times the speed, which takes 1.10 times what that limit allows, the run is flagged" in words

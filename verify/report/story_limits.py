@@ -92,6 +92,7 @@ def margin_sentence(result: Result) -> str:
     if found.ended_by.startswith(NOTHING):
         return f"The vehicle still holds the whole motion at {times} its speed, the most that was tried."
     end = f", then it {_verb(found.ended_by)}" if found.ended_by else ""
+    end += " (drive and brakes as strong as that takes)" if found.factor > 1.0 else ""
     only = "The vehicle holds the whole motion only at" if found.factor < 1.0 else (
         "The vehicle holds the whole motion up to"
     )  # fmt: skip
