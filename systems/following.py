@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from systems.run import SimulationRun
 from vnav_drake.plan import Trajectory
@@ -15,6 +14,8 @@ from vnav_drake.plan import Trajectory
 Array = NDArray[np.float64]
 
 SAMPLING = 5e-3  # [s], of the trajectory that a run is compared with
+REACH = 3.0  # [s], at least, before and after: what is further off its time is late in any case
+ROWS_AT_ONCE = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +40,24 @@ class Following:
     lateness: float  # [s], greatest
 
 
+def _beside(run: SimulationRun, times: Array, x: Array, y: Array, within: float) -> NDArray[np.intp]:
+    """Sample of the motion nearest to each row of the run, among those `within` [s] of its time.
+
+    A path may cross itself, so a place says little without its time.
+    """
+    step = float(times[1] - times[0]) if len(times) > 1 else SAMPLING
+    reach = min(math.ceil(within / step), len(times) - 1)
+    window = np.arange(-reach, reach + 1)
+    found = np.empty(len(run.t), dtype=np.intp)
+    for first in range(0, len(run.t), ROWS_AT_ONCE):  # bounds the memory
+        rows = slice(first, first + ROWS_AT_ONCE)
+        now = np.rint((run.t[rows] - times[0]) / step).astype(np.intp)
+        near = np.clip(now[:, None] + window, 0, len(times) - 1)
+        away = (x[near] - run.x[rows, None]) ** 2 + (y[near] - run.y[rows, None]) ** 2
+        found[rows] = near[np.arange(len(now)), np.argmin(away, axis=1)]
+    return found
+
+
 def following(run: SimulationRun, trajectory: Trajectory, tolerance: Tolerance) -> Following:
     """Compare a run with its trajectory, up to the planned end.
 
@@ -48,7 +67,7 @@ def following(run: SimulationRun, trajectory: Trajectory, tolerance: Tolerance) 
     count = math.ceil(trajectory.travel_time / SAMPLING) + 1
     times = np.linspace(trajectory.t[0], trajectory.t[-1], count)
     x, y, course = trajectory.at(times)[:3]
-    _, nearest = cKDTree(np.column_stack([x, y])).query(np.column_stack([run.x, run.y]))
+    nearest = _beside(run, times, x, y, max(REACH, 2.0 * tolerance.late(trajectory)))
     heading = course[nearest]
     dx, dy = run.x - x[nearest], run.y - y[nearest]
     across = np.abs(dy * np.cos(heading) - dx * np.sin(heading))
