@@ -13,11 +13,12 @@ import sys
 
 import benchmarks
 
-# studies, what worlds are drawn from, and pictures
+# studies, what others measure with, and pictures
 NOT_HERE = {
     "ranking",
     "vc_study",
     "random_worlds",
+    "vehicle_alone",
     "large_maps",
     "figures",
     "figures_certificate",

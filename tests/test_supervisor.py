@@ -172,7 +172,7 @@ def test_a_run_goes_from_tracking_through_the_stop_to_standing():
 
 @pytest.mark.parametrize("speed", [-0.5, 0.0, 1e-3, 1.0, 3.0])
 def test_brakes_of_the_single_track_oppose_the_motion_within_its_limits(speed):
-    # at most m a_b, and in a turn what it leaves of 0.98 of the friction, at least 0.3 of that
+    # at most m a_b, and in a turn what it leaves of the friction, at least 0.3 of that
     orders = SingleTrackOrders(ROBOT)
     context = orders.CreateDefaultContext()
     for lateral in (0.0, 5.7, 20.0):
@@ -182,7 +182,7 @@ def test_brakes_of_the_single_track_oppose_the_motion_within_its_limits(speed):
         steering, force = orders.GetOutputPort("command").Eval(context)
         assert steering == 0.1
         assert force * speed <= 0.0
-        grip = 0.98 * ROBOT.friction_acceleration
+        grip = ROBOT.friction_acceleration
         left = math.sqrt(max(grip**2 - lateral**2, (0.3 * grip) ** 2))
         most = ROBOT.mass * min(1.0, left)
         assert abs(force) <= most + 1e-12
