@@ -212,9 +212,15 @@ class TrackingController(LeafSystem):  # type: ignore[misc]
         return min(max(self._gripping(state, command - feedback), -limit), limit)
 
     def _gripping(self, state: State, angle: float) -> float:
-        """The steering angle nearest to `angle` at which the front tyre does not slide more than it must."""
-        forward = max(state.longitudinal_velocity, SLIP_REGULARISATION)
-        moving = math.atan((state.lateral_velocity + self._body.half_base * state.yaw_rate) / forward)
+        """The steering angle nearest to `angle` at which the front tyre does not slide more than it must.
+
+        A slow vehicle does not slide, whatever the angle.
+        """
+        forward = state.longitudinal_velocity
+        sideways = state.lateral_velocity + self._body.half_base * state.yaw_rate
+        if forward <= 0.0 or math.hypot(forward, sideways) < SLIP_REGULARISATION:
+            return angle
+        moving = math.atan(sideways / forward)
         most = math.atan(self._front_slip * rolling_speed(forward) / forward)
         return min(max(angle, moving - most), moving + most)
 

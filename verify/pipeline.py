@@ -127,8 +127,8 @@ def _fill(folder: ResultFolder, stages: Stages, overrides: Mapping[str, float]) 
     if judgement is None:
         _execute_refined(stages)
         judgement = _judged(stages, folder.work, overrides)
-    result = _result(judgement, done, overrides, scenario.plan.through)
     show_replay(stages, folder.work)
+    result = _result(judgement, done, overrides, scenario.plan.through)
     stages.say(f"{scenario.name}: writing the report")
     write_report(
         folder.work / evidence.REPORT,
