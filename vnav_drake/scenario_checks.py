@@ -27,9 +27,9 @@ from vnav_drake.world import INSIDE_TOLERANCE, Obstacle, World, WorldError, circ
 
 SMALLEST_DETAIL = 1e-6  # [m]: outlines that come closer to themselves cannot be told from a degenerate one
 SAFE_SHARE = 1.0 - 1e-5  # of the safe speed, as a motion keeps a hair below it to be safe between its rows
-# Of g l/(2 h), for four wheels. Measured: brakes that come on at once at 0.95 of it leave the robot on its
-# wheels, at 0.97 it falls, whatever its mass, wheelbase and height (docs/simulation.md).
-BRAKING_SHARE = 0.95
+# Of g l/(2 h), for four wheels. Measured: brakes that come on at once pitch robots over from 0.95 to 0.98 of
+# it on, by robot and speed (docs/simulation.md).
+BRAKING_SHARE = 0.9
 LEAST_CLEARANCE = 1e-6  # [m], beyond the margin: below it an end has no safe speed worth the name
 FRICTION_TOLERANCE = 1e-9  # relative: mu g may fall short of a_b by the rounding of a printed mu
 MAX_CONTACTS = 100_000  # pairs of edges or of obstacles that meet: what uniting them may cost
