@@ -197,10 +197,12 @@ def _add_four_wheel(
     end of the step if it goes on as in the last, so that it gives no torque: with the speed at the beginning
     it would resist being sped up like a mass.
     """
-    vehicle = add_four_wheel(builder, actual, step, brakes=robot)
+    vehicle = add_four_wheel(builder, actual, step, believed=robot)
     plant = vehicle.plant
     count = plant.num_actuators()
-    commands = builder.AddNamedSystem("wheel_commands", WheelCommands(vehicle, robot))
+    commands = builder.AddNamedSystem(
+        "wheel_commands", WheelCommands(vehicle, robot, CONTROL_PERIODS["four_wheel"])
+    )
     sensing = builder.AddNamedSystem("sensing", Sensing(vehicle))
     spinning = np.zeros((2 * count, vehicle.states))
     rising = np.zeros((2 * count, plant.num_velocities()))

@@ -52,6 +52,8 @@ Array = NDArray[np.float64]
 PLANT_STEP = 2e-3  # [s]
 STICTION_SPEED = 1e-3  # [m/s]: tyres creep by about this much below the limit of friction
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")  # the order of all arrays of four
+# Times that limit, which a brake can give: in a turn the outer wheels carry up to twice as much.
+BRAKE_RESERVE = 2.0
 LEAST_SHARE = 1e-3  # of the braking, that a wheel gets which would lift: brakes have some limit above zero
 WHEEL_MASS = 0.01  # of the robot's
 KNUCKLE_MASS = 0.005
@@ -75,14 +77,14 @@ class WheelGeometry:
     x: Array  # [m], from the middle of the robot, forward
     y: Array  # [m], to the left
     spin_mass: float  # [kg]: what turning all four wheels adds to the mass that is accelerated
-    brake_limit: Array  # [N m]
+    brake_limit: Array  # [N m], on the straight
 
     @classmethod
     def of(cls, robot: Robot) -> WheelGeometry:
-        """Of a robot; the brakes give `max_braking` on the straight, each in proportion to its load then.
+        """Of a robot; `brake_limit` is what gives `max_braking` on the straight.
 
-        Together they slow the robot and its spinning wheels by exactly that: on dry floor no wheel locks, and
-        no more than the axle loads of that deceleration are asked of any.
+        The floor pushes against each wheel in proportion to its load at that deceleration; besides, a brake
+        slows its own wheel.
         """
         radius = WHEEL_RADIUS * robot.wheelbase
         front = np.array([1.0, 1.0, -1.0, -1.0])
@@ -95,7 +97,7 @@ class WheelGeometry:
             x=0.5 * robot.wheelbase * front,
             y=0.5 * robot.track * left,
             spin_mass=spin_mass,
-            brake_limit=radius * share * (robot.mass + spin_mass) * robot.max_braking,
+            brake_limit=radius * (share * robot.mass + 0.25 * spin_mass) * robot.max_braking,
         )
 
     def steering(self, angle: float) -> tuple[float, float]:
@@ -122,6 +124,7 @@ class FourWheel:
     wheel_bodies: tuple[int, ...]  # index of each wheel's body
     drives: tuple[int, ...]  # row of each drive in the actuation
     brakes: tuple[int, ...]
+    brake_limit: Array  # (4,) [N m], the most that a brake gives
     steers: tuple[int, int]  # left, right
     spins: tuple[int, ...]  # of each wheel in the velocities
 
@@ -159,11 +162,11 @@ class FourWheel:
 
 
 def add_four_wheel(
-    builder: DiagramBuilder, robot: Robot, step: float = PLANT_STEP, *, brakes: Robot | None = None
+    builder: DiagramBuilder, robot: Robot, step: float = PLANT_STEP, *, believed: Robot | None = None
 ) -> FourWheel:
     """Add the vehicle of a robot on a flat floor to a diagram; `step` of the plant [s].
 
-    `brakes` is the robot for which the brakes were made, by default the same.
+    `believed` is the robot for which brakes, tyres and servos were made, by default the same.
 
     Raises
     ------
@@ -178,8 +181,10 @@ def add_four_wheel(
         stiction_tolerance=STICTION_SPEED,
     )
     plant, scene_graph = AddMultibodyPlant(config, builder)
-    wheels, limits = WheelGeometry.of(robot), WheelGeometry.of(brakes or robot).brake_limit
-    tyre = _tyre(robot)
+    made_for = believed or robot
+    wheels = WheelGeometry.of(robot)
+    limits = BRAKE_RESERVE * WheelGeometry.of(made_for).brake_limit
+    tyre = _tyre(robot, made_for)
     plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "floor", tyre)
     chassis = plant.AddRigidBody("chassis", _chassis_inertia(robot, wheels.radius))
     spins = []
@@ -192,7 +197,7 @@ def add_four_wheel(
             )
         )
         if name.startswith("front"):
-            hub = _knuckle(plant, robot, hub, name.removeprefix("front_"), wheels.radius)
+            hub = _knuckle(plant, robot, made_for, hub, name.removeprefix("front_"), wheels.radius)
         inertia = UnitInertia.SolidCylinder(wheels.radius, 0.5 * wheels.radius, [0.0, 1.0, 0.0])
         wheel = plant.AddRigidBody(
             f"wheel_{name}", SpatialInertia(WHEEL_MASS * robot.mass, np.zeros(3), inertia)
@@ -222,19 +227,22 @@ def add_four_wheel(
         wheel_bodies=tuple(int(plant.GetBodyByName(f"wheel_{name}").index()) for name in WHEELS),
         drives=rows("drive", WHEELS),
         brakes=rows("brake", WHEELS),
+        brake_limit=limits,
         steers=(left, right),
         spins=tuple(spin.velocity_start() for spin in spins),
     )
 
 
-def _knuckle(plant: MultibodyPlant, robot: Robot, hub: Frame, side: str, radius: float) -> Frame:
+def _knuckle(
+    plant: MultibodyPlant, robot: Robot, made_for: Robot, hub: Frame, side: str, radius: float
+) -> Frame:
     """A knuckle that turns about the vertical through the wheel's centre, held by a stiff servo."""
     mass = KNUCKLE_MASS * robot.mass
     inertia = UnitInertia.SolidSphere(0.5 * radius)
     body: RigidBody = plant.AddRigidBody(f"knuckle_{side}", SpatialInertia(mass, np.zeros(3), inertia))
     joint = plant.AddJoint(RevoluteJoint(f"steer_{side}", hub, body.body_frame(), [0.0, 0.0, 1.0]))
     servo = plant.AddJointActuator(f"steer_{side}", joint)
-    scale = robot.mass / 40.0 * (robot.wheelbase / 0.5) ** 2
+    scale = made_for.mass / 40.0 * (made_for.wheelbase / 0.5) ** 2
     stiffness = STEERING_STIFFNESS * scale
     servo.set_default_rotor_inertia(0.01 * scale)
     servo.set_default_gear_ratio(1.0)
@@ -242,13 +250,13 @@ def _knuckle(plant: MultibodyPlant, robot: Robot, hub: Frame, side: str, radius:
     return body.body_frame()
 
 
-def _tyre(robot: Robot) -> ProximityProperties:
+def _tyre(robot: Robot, made_for: Robot) -> ProximityProperties:
     """Friction of tyre and floor, and a contact stiff enough that a wheel at rest sinks by `SINK`.
 
     Tyre and floor have the same stiffness, so that each takes half.
     """
     properties = ProximityProperties()
-    stiffness = 2.0 * 0.25 * robot.mass * GRAVITY / (SINK * robot.wheelbase)
+    stiffness = 2.0 * 0.25 * made_for.mass * GRAVITY / (SINK * made_for.wheelbase)
     AddContactMaterial(
         dissipation=DISSIPATION * math.sqrt(0.5 / robot.wheelbase),
         point_stiffness=stiffness,
@@ -269,13 +277,14 @@ def _chassis_inertia(robot: Robot, radius: float) -> SpatialInertia:
     height = (robot.com_height - light * radius) / (1.0 - light)
     back = KNUCKLE_MASS * robot.wheelbase / (1.0 - light)  # the knuckles, in front, are balanced
     l2, w2, box = robot.wheelbase**2, robot.track**2, max(2.0 * robot.com_height, 2.0 * radius)
-    # less what wheels and knuckles have already, each a point at its corner; of all three axes, so that what
-    # is left is the inertia of a body for every length and width
+    # less what wheels and knuckles have already, each a point at its corner, at the height of the hubs; of
+    # all three axes, so that what is left is the inertia of a body for every length, width and height
     across, along = (
         robot.mass * w2 * (1.0 / 12.0 - 0.25 * light),
         robot.mass * l2 * (1.0 / 12.0 - 0.25 * light) - mass * back * back,
     )
-    upward = robot.mass * box * box / 12.0
+    lower, higher = robot.com_height - radius, height - robot.com_height
+    upward = robot.mass * box * box / 12.0 - robot.mass * light * lower**2 - mass * higher**2
     roll, pitch, yaw = across + upward, along + upward, across + along
     about = RotationalInertia(roll, pitch, yaw)
     centre = [-back, 0.0, height]

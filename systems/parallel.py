@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -43,14 +44,14 @@ def in_parallel(
     What `work` raises; WorkerError when a process is killed.
     """
     if workers <= 1 or len(tasks) <= 1:
-        answers: list[T] = []
+        alone: list[T] = []
         for task in tasks:
-            finished(len(answers))
-            answers.append(work(*task))
-        return answers
+            finished(len(alone))
+            alone.append(work(*task))
+        return alone
     # Threads of this process (a progress bar, say) forbid to fork it.
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(workers, len(tasks)), mp_context=context, initializer=_ignore_interrupts)
+    pool = ProcessPoolExecutor(min(workers, len(tasks)), mp_context=context, initializer=_begin_worker)
     before = set(multiprocessing.active_children())
     try:
         futures = [pool.submit(work, *task) for task in tasks]
@@ -60,15 +61,26 @@ def in_parallel(
             for future in done:
                 future.result()
             finished(len(futures) - len(pending))
-        return [future.result() for future in futures]
-    except BrokenProcessPool as error:
-        raise WorkerError(f"a worker process was killed: {error}") from error
-    finally:
+        answers = [future.result() for future in futures]
+    except BaseException as error:  # whatever it is, and Ctrl-C too, ends the workers at once
         for child in set(multiprocessing.active_children()) - before:
             child.terminate()
+        if isinstance(error, BrokenProcessPool):
+            raise WorkerError(f"a worker process was killed: {error}") from error
+        raise
+    finally:
         pool.shutdown(wait=True, cancel_futures=True)
+    return answers
 
 
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches all processes of a terminal; the first one ends the others."""
+def _begin_worker() -> None:
+    """Ctrl-C reaches all processes of a terminal; the first one ends the others, however it ends itself."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

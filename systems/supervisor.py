@@ -14,8 +14,11 @@ from vnav_drake.robot import Robot
 
 FALLEN = math.radians(30.0)  # tilt beyond which a robot has fallen
 STANDING = 1e-3  # [m/s], slower than this the vehicle stands
+SLOW_TURN = 0.1  # [m/s]: slower, a robot is not taken to turn more tightly
+STRAIGHTENING = 1.5  # [rad/s]: wheels that jump straight would throw the robot off
 NEVER = math.inf  # [s], time of a stop that nobody asks for
 BRAKE_TIME = 0.02  # [s] before standing still, in which a brake gives less than its limit
+BRAKE_FRICTION = 0.98  # of the friction, that brakes may take together with the turn: beyond, wheels lock
 LEAST_BRAKING = 0.3  # of the friction, however hard the turn: a robot that only turned would never stop
 
 
@@ -37,6 +40,7 @@ class Order(NamedTuple):
     brake: float  # 1: the brakes are on, 0: off
     lateral: float  # [m/s^2], acceleration to the left, with which the force is shared among the wheels
     speed: float  # [m/s], along the body: brakes give less and less within `BRAKE_TIME` of standing
+    bend: float  # [1/m], sharpest turn since the brakes came on: its energy has to be braked, too
 
 
 class Supervisor(LeafSystem):  # type: ignore[misc]
@@ -44,19 +48,20 @@ class Supervisor(LeafSystem):  # type: ignore[misc]
 
     An emergency stop that is asked for at time T begins at T + `reaction_time`: until then the robot follows
     its trajectory, as it knows of nothing. Then the brakes are on, and the wheels are held at their
-    angle or straightened, as fast as the steering allows.
+    angle or straightened, as fast as the steering allows and by `STRAIGHTENING` at most.
 
     Input ports
         `state` (7): `State`; `tilt` (1) [rad], if the vehicle can; `target` (11): `Target`; `command` (2):
         steering angle [rad] and drive force [N] that follow the trajectory; `stop` (2): time [s] of the
         emergency, `NEVER` for none, and whether the wheels are straightened (1) or held (0).
     Output port
-        `order` (6): `Order`.
+        `order` (7): `Order`.
     """
 
     def __init__(self, robot: Robot, period: float, *, reaction_time: float, rest_end: bool) -> None:
         super().__init__()
         self._limit, self._step = robot.max_steering, robot.max_steering_rate * period
+        self._straightening = STRAIGHTENING * period
         self._reaction_time, self._rest_end = reaction_time, rest_end
         index = self.DeclareDiscreteState(len(Order._fields))
         self.DeclareVectorInputPort("state", len(State._fields))
@@ -69,7 +74,7 @@ class Supervisor(LeafSystem):  # type: ignore[misc]
 
     def set_steering(self, context: Context, angle: float) -> None:
         """The angle [rad] at which the wheels were told to stand before the first decision."""
-        order = Order(Mode.TRACK, angle, 0.0, 0.0, 0.0, 0.0)
+        order = Order(Mode.TRACK, angle, 0.0, 0.0, 0.0, 0.0, 0.0)
         context.get_mutable_discrete_state_vector().SetFromVector(list(order))
 
     def _update(self, context: Context, values: DiscreteValues) -> None:
@@ -80,11 +85,15 @@ class Supervisor(LeafSystem):  # type: ignore[misc]
         lateral = speed * state.yaw_rate
         if mode == Mode.TRACK:
             steering, force = self.get_input_port(3).Eval(context).tolist()
-            order = Order(mode, self._within_rate(last.steering, steering), force, 0.0, lateral, speed)
+            order = Order(mode, self._within_rate(last.steering, steering), force, 0.0, lateral, speed, 0.0)
         else:
             straightened = self.get_input_port(4).Eval(context)[1] > 0.5
-            wanted = 0.0 if straightened and mode == Mode.EMERGENCY_STOP else last.steering
-            order = Order(mode, self._within_rate(last.steering, wanted), 0.0, 1.0, lateral, speed)
+            wanted = last.steering
+            if straightened and mode == Mode.EMERGENCY_STOP:
+                wanted -= math.copysign(min(abs(wanted), self._straightening), wanted)
+            angle = self._within_rate(last.steering, wanted)
+            bend = max(last.bend, abs(lateral) / max(speed * speed, SLOW_TURN**2))
+            order = Order(mode, angle, 0.0, 1.0, lateral, speed, bend)
         values.get_mutable_vector().SetFromVector(list(order))
 
     def _mode(self, context: Context, last: Order, state: State) -> Mode:
@@ -120,7 +129,7 @@ class SingleTrackOrders(LeafSystem):  # type: ignore[misc]
     of standing still.
 
     Input ports
-        `order` (6): `Order`; `state` (7): `State`.
+        `order` (7): `Order`; `state` (7): `State`.
     Output port
         `command` (2): steering angle [rad], force [N].
     """
@@ -137,7 +146,7 @@ class SingleTrackOrders(LeafSystem):  # type: ignore[misc]
         force = order.force
         if order.brake:
             robot, speed = self._robot, float(self.get_input_port(1).Eval(context)[3])
-            grip = robot.friction_acceleration
+            grip = BRAKE_FRICTION * robot.friction_acceleration
             left = math.sqrt(max(grip * grip - order.lateral**2, (LEAST_BRAKING * grip) ** 2))
             share = min(max(speed / (BRAKE_TIME * robot.max_braking), -1.0), 1.0)
             force = -robot.mass * share * min(robot.max_braking, left)

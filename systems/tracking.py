@@ -18,7 +18,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from systems.schedule import Demand
 from systems.single_track import Body, State
-from systems.tyre import SLIP_REGULARISATION, rolling_speed
+from systems.tyre import SLIP_REGULARISATION
 from vnav_drake.plan import Trajectory
 from vnav_drake.robot import GRAVITY, Robot
 
@@ -214,14 +214,15 @@ class TrackingController(LeafSystem):  # type: ignore[misc]
     def _gripping(self, state: State, angle: float) -> float:
         """The steering angle nearest to `angle` at which the front tyre does not slide more than it must.
 
-        A slow vehicle does not slide, whatever the angle.
+        The slower it is, the more it may: a slow vehicle does not slide, whatever the angle.
         """
         forward = state.longitudinal_velocity
         sideways = state.lateral_velocity + self._body.half_base * state.yaw_rate
-        if forward <= 0.0 or math.hypot(forward, sideways) < SLIP_REGULARISATION:
+        speed = math.hypot(forward, sideways)
+        if forward <= 0.0 or speed < 0.1 * SLIP_REGULARISATION:
             return angle
         moving = math.atan(sideways / forward)
-        most = math.atan(self._front_slip * rolling_speed(forward) / forward)
+        most = math.atan(self._front_slip) * (1.0 + (SLIP_REGULARISATION / speed) ** 4)
         return min(max(angle, moving - most), moving + most)
 
     def _force(self, state: State, target: Target) -> float:

@@ -12,7 +12,7 @@ from pydrake.systems.framework import BasicVector, Context, InputPortIndex, Leaf
 
 from systems.four_wheel import WHEELS, FourWheel, WheelGeometry
 from systems.single_track import State
-from systems.supervisor import BRAKE_TIME, LEAST_BRAKING, Order
+from systems.supervisor import BRAKE_FRICTION, BRAKE_TIME, LEAST_BRAKING, Order
 from vnav_drake.robot import GRAVITY, Robot
 
 Array = NDArray[np.float64]
@@ -64,20 +64,21 @@ def wheel_loads(robot: Robot, wheels: WheelGeometry, forward: float, left: float
 class WheelCommands(LeafSystem):  # type: ignore[misc]
     """Shares what the vehicle is told among its wheels.
 
-    The drive force goes to the wheels in proportion to their loads. Brakes are on or off; where a wheel also
-    has to carry the turn, its drive takes back what of the brake would exceed the friction that is left: so
-    it rolls on instead of locking.
+    Drive and braking force go to the wheels in proportion to their loads. Brakes are on or off, and strong: a
+    drive takes back what its brake would give beyond what slows the robot by `max_braking`, or beyond the
+    friction that the turn leaves the wheel, which so rolls on instead of locking.
 
     Input port
-        `order` (6): `Order`.
+        `order` (7): `Order`.
     Output ports
         `torque` (actuators) [N m]; `targets` (2 actuators): angles [rad] of the steering servos, all else
         zero; `brakes`: index of the port that gives the brakes' target speed.
     """
 
-    def __init__(self, vehicle: FourWheel, robot: Robot) -> None:
+    def __init__(self, vehicle: FourWheel, robot: Robot, period: float) -> None:
+        """`period` [s] between orders."""
         super().__init__()
-        self._vehicle, self._robot = vehicle, robot
+        self._vehicle, self._robot, self._period = vehicle, robot, period
         self._wheels = WheelGeometry.of(robot)
         self._count = vehicle.plant.num_actuators()
         self.DeclareVectorInputPort("order", len(Order._fields))
@@ -97,13 +98,20 @@ class WheelCommands(LeafSystem):  # type: ignore[misc]
         if order.brake:
             loads = wheel_loads(robot, wheels, -robot.max_braking, order.lateral)
             side = loads * abs(order.lateral) / GRAVITY
-            whole = robot.friction * loads
+            whole = BRAKE_FRICTION * robot.friction * loads
             room = np.sqrt(np.maximum(whole**2 - side**2, (LEAST_BRAKING * whole) ** 2))
+            # what slows the robot by a_b along its way, and its turning: m v^2 / 2 (1 + k^2 kappa^2)
+            turning = 1.0 + (robot.wheelbase**2 + robot.track**2) / 12.0 * order.bend**2
+            push = robot.mass * robot.max_braking * turning * loads / max(loads.sum(), 1e-9)
             # a brake slows its wheel, too, for which the floor need not push
-            useful = wheels.radius * room * (1.0 + wheels.spin_mass / robot.mass)
-            taken = np.maximum(wheels.brake_limit - useful, 0.0)
+            own = 0.25 * wheels.spin_mass * robot.max_braking
+            taken = np.maximum(
+                self._vehicle.brake_limit - wheels.radius * (np.minimum(push, room) + own), 0.0
+            )
             # a brake gives its limit only while its wheel turns: taking back more would drive the vehicle
-            share = min(max(order.speed / (BRAKE_TIME * robot.max_braking), -1.0), 1.0)
+            ahead = abs(order.speed) - self._period * robot.max_braking  # when the order ends
+            share = min(max(ahead / (BRAKE_TIME * robot.max_braking), 0.0), 1.0)
+            share = math.copysign(share, order.speed)
             torque[list(self._vehicle.drives)] = share * taken
         else:
             loads = wheel_loads(robot, wheels, order.force / robot.mass, order.lateral)
@@ -125,7 +133,7 @@ class Sensing(LeafSystem):  # type: ignore[misc]
 
     Input ports
         `plant` (positions and velocities); `contact`: `ContactResults`; `actuation` (actuators) [N m];
-        `order` (6): `Order`, for the record.
+        `order` (7): `Order`, for the record.
     Output ports
         `state` (7): `State` of the point midway between the axles, on the floor; `tilt` (1) [rad];
         `record`: what `RECORD` names.

@@ -41,7 +41,7 @@ def decision(
     supervisor = Supervisor(robot, PERIOD, reaction_time=reaction_time, rest_end=rest_end)
     context = supervisor.CreateDefaultContext()
     context.SetTime(time)
-    before = Order(mode, steering, 0.0, float(mode != Mode.TRACK), 0.0, 0.0)
+    before = Order(mode, steering, 0.0, float(mode != Mode.TRACK), 0.0, 0.0, 0.0)
     context.get_mutable_discrete_state_vector().SetFromVector(list(before))
     target = Target(*[0.0] * len(Target._fields))._replace(ended=float(ended), lag=lag)
     fixed = {
@@ -130,14 +130,17 @@ def test_tracking_passes_on_the_command_within_the_steering_rate():
     assert decision(steering=0.045).steering == COMMAND[0]
 
 
-def test_held_wheels_stay_and_straightened_ones_turn_as_fast_as_they_can():
+def test_held_wheels_stay_and_straightened_ones_turn_at_a_rate_that_throws_nobody_off():
+    # at most STRAIGHTENING = 1.5 rad/s, which is less than the 2 rad/s of the steering: 0.015 rad in 10 ms
     held = decision(Mode.EMERGENCY_STOP, asked=0.5)
     assert (held.steering, held.force, held.brake) == (0.3, 0.0, 1.0)
-    assert decision(Mode.EMERGENCY_STOP, asked=0.5, straightened=True).steering == pytest.approx(0.28)
+    assert decision(Mode.EMERGENCY_STOP, asked=0.5, straightened=True).steering == pytest.approx(0.285)
     near = decision(Mode.EMERGENCY_STOP, asked=0.5, straightened=True, steering=-0.015)
     assert near.steering == 0.0
-    free = Robot(radius=0.4)  # no limit of the rate
-    assert decision(Mode.EMERGENCY_STOP, asked=0.5, straightened=True, robot=free).steering == 0.0
+    for rate, angle in ((math.inf, 0.285), (0.5, 0.295)):
+        robot = Robot(radius=0.4, max_steering_rate=rate)
+        found = decision(Mode.EMERGENCY_STOP, asked=0.5, straightened=True, robot=robot)
+        assert found.steering == pytest.approx(angle)
 
 
 @pytest.mark.parametrize("mode", [Mode.STOPPED, Mode.FALLEN])
@@ -172,21 +175,22 @@ def test_a_run_goes_from_tracking_through_the_stop_to_standing():
 
 @pytest.mark.parametrize("speed", [-0.5, 0.0, 1e-3, 1.0, 3.0])
 def test_brakes_of_the_single_track_oppose_the_motion_within_its_limits(speed):
-    # at most m a_b, and in a turn what it leaves of the friction, at least 0.3 of that
-    orders = SingleTrackOrders(ROBOT)
+    # at most m a_b, and in a turn what it leaves of 0.98 of the friction, at least 0.3 of that
+    strong = Robot(radius=0.4, friction=0.3, max_braking=2.8)
+    orders = SingleTrackOrders(strong)
     context = orders.CreateDefaultContext()
-    for lateral in (0.0, 5.7, 20.0):
-        order = Order(Mode.EMERGENCY_STOP, 0.1, 0.0, 1.0, lateral, speed)
+    for lateral in (0.0, 2.0, 20.0):
+        order = Order(Mode.EMERGENCY_STOP, 0.1, 0.0, 1.0, lateral, speed, 0.0)
         orders.GetInputPort("order").FixValue(context, list(order))
         orders.GetInputPort("state").FixValue(context, [0.0, 0.0, 0.0, speed, 0.0, 0.0, 0.1])
         steering, force = orders.GetOutputPort("command").Eval(context)
         assert steering == 0.1
         assert force * speed <= 0.0
-        grip = ROBOT.friction_acceleration
+        grip = 0.98 * 0.3 * 9.81
         left = math.sqrt(max(grip**2 - lateral**2, (0.3 * grip) ** 2))
-        most = ROBOT.mass * min(1.0, left)
+        most = strong.mass * min(2.8, left)
         assert abs(force) <= most + 1e-12
-        if abs(speed) >= 0.02 * 1.0:
+        if abs(speed) >= 0.02 * 2.8:
             assert abs(force) == pytest.approx(most, rel=1e-12)
 
 

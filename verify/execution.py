@@ -23,6 +23,9 @@ SHARES = (0.975, 0.95, 0.9, 0.8)  # of the limits, tried in turn
 # The judge allows more, so that it need not be asked.
 TOLERANCE = Tolerance(sideways=0.03, lateness=0.008, least_lateness=0.08)
 
+CAUSES = ("", "is late", "leaves the path", "does not arrive", "slides", "lifts its wheels", "falls")
+GRAVITY_OF = {cause: i for i, cause in enumerate(CAUSES)}
+
 
 @dataclass(frozen=True)
 class Execution:
@@ -38,7 +41,8 @@ def execute(
     """Drive the plan; where the vehicle strays, leave the controller part of the limits.
 
     The plan returned has `limit_share` among its details when it was held back, and `full_limit_time` [s],
-    what it took before. When no share helps the first run stands, for the judge to see.
+    what it took before. When no share helps, the run that went least wrong stands, for the judge to see: one
+    that is a little late rather than one that fell.
 
     Raises
     ------
@@ -46,7 +50,8 @@ def execute(
     """
     problem = scenario.problem
     first = Execution(plan, simulate(problem.robot, plan.trajectory, model=model))
-    if plan.path is None or follows(first.run, plan.trajectory):
+    best, fault = first, _gravity(first)
+    if plan.path is None or not fault:
         return first
     for share in SHARES:
         progress(f"with {100.0 * share:g} % of the limits")
@@ -55,13 +60,19 @@ def execute(
             break  # the friction reserve takes all that is left
         try:
             slower = plan_full(careful, plan.path, effort="quick")
-            run = simulate(problem.robot, slower.trajectory, model=model)
-            if not follows(run, slower.trajectory):
-                continue
-            return _polished(scenario, careful, plan, Execution(slower, run), share)
         except PlanningError:
             break
-    return first
+        found = Execution(slower, simulate(problem.robot, slower.trajectory, model=model))
+        if not _gravity(found):
+            return _polished(scenario, careful, plan, found, share)
+        if _gravity(found) < fault:
+            best, fault = _told(found, plan, share), _gravity(found)
+    return best
+
+
+def _gravity(execution: Execution) -> int:
+    """How badly the vehicle followed: 0 where it did, more the worse it is."""
+    return GRAVITY_OF[following(execution.run, execution.plan.trajectory, TOLERANCE).cause]
 
 
 def held_back(robot: Robot, share: float) -> Robot:
@@ -92,5 +103,10 @@ def _polished(scenario: Scenario, careful: Problem, plan: Plan, found: Execution
         run = simulate(scenario.problem.robot, best.trajectory, model=found.run.model)
         if follows(run, best.trajectory):
             chosen = Execution(best, run)
+    return _told(chosen, plan, share)
+
+
+def _told(execution: Execution, plan: Plan, share: float) -> Execution:
+    """The execution with what it was made from among its details."""
     told = {"full_limit_time": plan.travel_time, "limit_share": share, "seeds": plan.details["seeds"]}
-    return Execution(replace(chosen.plan, details={**chosen.plan.details, **told}), chosen.run)
+    return replace(execution, plan=replace(execution.plan, details={**execution.plan.details, **told}))

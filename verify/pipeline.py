@@ -129,6 +129,7 @@ def _fill(folder: ResultFolder, stages: Stages, overrides: Mapping[str, float]) 
         judgement = _judged(stages, folder.work, overrides)
     show_replay(stages, folder.work)
     result = _result(judgement, done, overrides, scenario.plan.through)
+    result["files"] = evidence.manifest(folder.work)  # which the report tells; its own sum comes after it
     stages.say(f"{scenario.name}: writing the report")
     write_report(
         folder.work / evidence.REPORT,
