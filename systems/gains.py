@@ -64,6 +64,25 @@ def slipping_gains(body: Body, wanted: SlippingDemand) -> Array:
     return np.einsum("nk,nkj->nj", found, into[:-1])
 
 
+def rolling_dynamics(wheelbase: float, v: Array, steering: Array, curvature: Array) -> Array:
+    """Matrices (n, 3, 3) of the errors of (e [m], psi [rad], delta [rad]) about a rolling motion.
+
+    v [m/s], steering [rad] and curvature of the path [1/m] are (n,). With psi and beta relative to the path's
+    course the motion itself is e' = v sin(psi + beta), delta' = -delta / tau and
+    psi' = v cos(beta) tan(delta) / l - v kappa cos(psi + beta) / (1 - kappa e).
+    """
+    tangent = np.tan(steering)
+    beta = np.arctan(0.5 * tangent)
+    sway = 0.5 * (1.0 + tangent**2) / (1.0 + 0.25 * tangent**2)  # d beta / d delta
+    turn = (np.cos(beta) * (1.0 + tangent**2) - np.sin(beta) * tangent * sway) / wheelbase
+    a = np.zeros((len(v), 3, 3))
+    a[:, 0, 1], a[:, 0, 2] = v, v * sway
+    a[:, 1, 0] = -v * curvature**2
+    a[:, 1, 2] = v * turn
+    a[:, 2, 2] = -1.0 / STEERING_LAG
+    return a
+
+
 def rolling_gains(robot: Robot, wanted: RollingDemand) -> Array:
     """Gains (n, 5) for wheels that roll without slip, as far as friction reaches.
 
@@ -72,26 +91,17 @@ def rolling_gains(robot: Robot, wanted: RollingDemand) -> Array:
     delta' = (command - delta) / tau. Discretised exactly for matrices held over a sample. Steering counts by
     the lateral acceleration that it asks for, v^2 delta / l, against what grip and tip-over allow.
     """
-    wheelbase = robot.wheelbase
     n, h, v = len(wanted.speed), wanted.period, wanted.speed
-    tangent = np.tan(wanted.steering)
-    beta = np.arctan(0.5 * tangent)
-    sway = 0.5 * (1.0 + tangent**2) / (1.0 + 0.25 * tangent**2)  # d beta / d delta
-    turn = (np.cos(beta) * (1.0 + tangent**2) - np.sin(beta) * tangent * sway) / wheelbase
-    a = np.zeros((n, 3, 3))
-    a[:, 0, 1], a[:, 0, 2] = v, v * sway
-    a[:, 1, 0] = -v * wanted.curvature**2
-    a[:, 1, 2] = v * turn
-    a[:, 2, 2] = -1.0 / STEERING_LAG
+    a = rolling_dynamics(robot.wheelbase, v, wanted.steering, wanted.curvature)
     servo = np.array([[0.0], [0.0], [1.0 / STEERING_LAG]])
-    # exp(h A) and its integral by their series: h / tau is 1/2, the ninth term is below 1e-8 of the first
+    # exp(h A) and its integral by their series: h / tau is 1/2, the ninth term is 1e-7 of the first
     term, whole, power = np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3, 3)), np.zeros((n, 3, 3))
     for k in range(1, 9):
         whole += term / k * h
         power += term
         term = term @ a * (h / k)
     allowed = CORRECTING_SHARE * min(robot.friction_acceleration, robot.tip_acceleration)
-    scale = np.minimum(STEERING_SCALE, wheelbase * allowed / np.maximum(v, COURSE_SPEED) ** 2)
+    scale = np.minimum(STEERING_SCALE, robot.wheelbase * allowed / np.maximum(v, COURSE_SPEED) ** 2)
     cost = np.diag([LATERAL_SCALE**-2, COURSE_SCALE**-2, 0.0])
     found = finite_horizon_gains(power, scale[:, None] * (whole @ servo)[:, :, 0], h, cost, 1.0)
     gains = np.zeros((n, 5))

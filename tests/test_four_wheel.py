@@ -14,6 +14,7 @@ from systems_motions import circle, corridors, lateral_error, mirrored, s_curve,
 from systems import run_columns, simulate
 from systems.diagram import tracking_diagram
 from systems.four_wheel import WHEELS, FourWheel, WheelGeometry, add_four_wheel
+from systems.rolling import SINK, swing_time
 from systems.simulation import started
 from systems.single_track import State
 from systems.wheels import RECORD, wheel_loads
@@ -285,3 +286,37 @@ def test_reversing_is_refused(model):
     back = replace(motion, v=np.append(motion.v[:-1], -0.5))
     with pytest.raises(ValueError, match="reversing is not supported"):
         simulate(ROBOT, back, model=model)
+
+
+@pytest.mark.parametrize("robot", [replace(ROBOT, com_height=0.5), replace(LARGE, com_height=0.9)])
+def test_a_body_rolls_to_and_fro_in_its_swing_time(robot):
+    # track below wheelbase, so rolling is the slower swing; damping, 0.2 of critical, lengthens it by 2 %
+    vehicle, simulator = built(robot)
+    context = vehicle.plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    vehicle.set_state(context, State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    values = vehicle.plant.GetPositionsAndVelocities(context).copy()
+    lean = 0.2 * SINK * robot.wheelbase / robot.track  # no wheel leaves the floor
+    values[:4] = [math.cos(0.5 * lean), math.sin(0.5 * lean), 0.0, 0.0]
+    vehicle.plant.SetPositionsAndVelocities(context, values)
+    simulator.Initialize()
+    rolls = []
+    for tick in range(1, 400):
+        simulator.AdvanceTo(tick * 2e-3)
+        rolls.append(vehicle.plant.GetPositions(context)[1])
+    falling = [k for k in range(1, len(rolls)) if rolls[k - 1] > 0.0 >= rolls[k]]
+    period = (falling[1] - falling[0]) * 2e-3
+    assert period == pytest.approx(swing_time(robot), rel=0.1)
+
+
+@pytest.mark.parametrize("forward", [3.0, -3.0])
+def test_a_run_begins_with_the_loads_of_its_acceleration(forward):
+    # the body leans as it will while it accelerates: the first loads are of the closed form, not of rest
+    robot = replace(LARGE, com_height=0.4, friction=1.0, max_acceleration=3.0, max_braking=3.0)
+    start, end = (1.0, 4.0) if forward > 0.0 else (4.0, 1.0)
+    motion = straight(2.5, start=start, end=end, cruise=4.0, rate=3.0)
+    run = simulate(robot, motion)
+    expected = wheel_loads(robot, WheelGeometry.of(robot), forward, 0.0)
+    found = per_wheel(run, "load")[:, 1:6].mean(axis=1)
+    np.testing.assert_allclose(found, expected, rtol=0.1)
+    at_rest = robot.mass * GRAVITY / 4.0
+    assert np.all(np.abs(expected - at_rest) > 0.3 * at_rest)

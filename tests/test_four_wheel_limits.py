@@ -16,6 +16,7 @@ from benchmarks.vehicle_alone import crossover, lift_onset, limit, rising_circle
 from systems import simulate
 from systems.diagram import tracking_diagram
 from systems.simulation import started
+from systems.stops import ROWS, emergency_stops
 from vnav_drake.plan import Trajectory
 from vnav_drake.robot import Robot
 
@@ -58,6 +59,19 @@ def test_brakes_that_reach_the_grip_let_the_wheels_roll_and_come_to_rest():
     edge = replace(ROBOT, max_braking=ROBOT.friction_acceleration)
     ratio = straight_stop(edge, edge, 2.0) * ROBOT.friction_acceleration
     assert 0.99 <= ratio <= 1.04
+    stop = emergency_stops(edge, straight(3.0, start=2.0, end=2.0, cruise=2.0), count=1).rows
+    # once the load has shifted to the front axle, which takes a swing of the body; locked wheels would slip at
+    # the speed itself
+    rolling = stop[(stop[:, ROWS.index("v")] > 0.2) & (stop[:, ROWS.index("t")] >= 0.1)]
+    assert rolling[:, ROWS.index("slip")].max() <= 0.02
+
+
+def test_very_steep_turns_are_driven_slowly():
+    # 78 degrees of steering: sin(beta) = kappa l / 2 = 0.875, tan(omega) = 2 tan(beta)
+    robot = replace(ROBOT, max_steering=1.4)
+    run = simulate(robot, circle(1.0 / 3.5, 0.3))
+    assert run.details["ended"] == "arrived"
+    assert not run.details["slid"]
 
 
 @pytest.mark.parametrize(("robot", "bases"), [(ROBOT, 3.0), (ROBOT, 6.0), (SMALL, 4.0)])

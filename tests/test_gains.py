@@ -8,7 +8,7 @@ from scipy.linalg import solve_discrete_are
 from systems_motions import circle, mirrored, s_curve
 
 from systems.feedforward import demand
-from systems.gains import rolling_gains, slipping_gains
+from systems.gains import rolling_dynamics, rolling_gains, slipping_gains
 from systems.regulator import finite_horizon_gains
 from systems.rolling import rolling_demand
 from systems.single_track import Body
@@ -49,6 +49,30 @@ def test_varying_matrices_give_the_gains_of_bellmans_recursion(size):
     cost, effort = root @ root.T, 0.7
     found = finite_horizon_gains(step, kick, PERIOD, cost, effort)
     np.testing.assert_allclose(found, riccati(step, kick, cost, effort), rtol=1e-9, atol=1e-12)
+
+
+def test_rolling_errors_obey_the_derivatives_of_the_rolling_motion():
+    # central differences of the kinematic single track about a motion along a path of curvature kappa: with
+    # c = psi + beta - beta_0, e' = v sin(c), psi' = v cos(beta) tan(delta) / l - v kappa cos(c) / (1 - kappa e)
+    wheelbase, lag = 0.5, 0.02
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        v, delta0, kappa = rng.uniform(0.2, 4.0), rng.uniform(-1.0, 1.0), rng.uniform(-1.5, 1.5)
+        beta0 = np.arctan(0.5 * np.tan(delta0))
+
+        def rate(x, v=v, delta0=delta0, kappa=kappa, beta0=beta0):
+            e, psi, delta = x
+            beta = np.arctan(0.5 * np.tan(delta))
+            course = psi + beta - beta0
+            turn = v * np.cos(beta) * np.tan(delta) / wheelbase
+            along = v * kappa * np.cos(course) / (1.0 - kappa * e)
+            return np.array([v * np.sin(course), turn - along, -(delta - delta0) / lag])
+
+        base, size = np.array([0.0, 0.0, delta0]), 1e-6
+        steps = size * np.eye(3)
+        expected = np.stack([(rate(base + d) - rate(base - d)) / (2.0 * size) for d in steps], axis=1)
+        found = rolling_dynamics(wheelbase, np.array([v]), np.array([delta0]), np.array([kappa]))[0]
+        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
 
 
 def test_last_gain_is_that_of_one_step():
