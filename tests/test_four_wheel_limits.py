@@ -60,8 +60,8 @@ def test_brakes_that_reach_the_grip_let_the_wheels_roll_and_come_to_rest():
     ratio = straight_stop(edge, edge, 2.0) * ROBOT.friction_acceleration
     assert 0.99 <= ratio <= 1.04
     stop = emergency_stops(edge, straight(3.0, start=2.0, end=2.0, cruise=2.0), count=1).rows
-    # once the load has shifted to the front axle, which takes a swing of the body; locked wheels would slip at
-    # the speed itself
+    # once the load has shifted to the front axle, which takes a swing of the body; locked wheels would slip
+    # at the speed itself
     rolling = stop[(stop[:, ROWS.index("v")] > 0.2) & (stop[:, ROWS.index("t")] >= 0.1)]
     assert rolling[:, ROWS.index("slip")].max() <= 0.02
 
