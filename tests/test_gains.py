@@ -52,8 +52,8 @@ def test_varying_matrices_give_the_gains_of_bellmans_recursion(size):
 
 
 def test_rolling_errors_obey_the_derivatives_of_the_rolling_motion():
-    # central differences of the kinematic single track about a motion along a path of curvature kappa: with c =
-    # psi + beta - beta_0, e' = v sin(c), psi' = v cos(beta) tan(delta) / l - v kappa cos(c) / (1 - kappa e)
+    # central differences of the kinematic single track about a motion along a path of curvature kappa: with
+    # c = psi + beta - beta_0, e' = v sin(c) and psi' as in the code, its path's turn over (1 - kappa e)
     wheelbase, lag = 0.5, 0.02
     rng = np.random.default_rng(5)
     for _ in range(20):
