@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from systems_motions import drive
+from systems_motions import circle, drive
 
 from systems.following import Tolerance, following
 from systems.run import SimulationRun, run_columns
@@ -73,3 +74,38 @@ def test_distance_from_the_path_is_told_in_metres(left, cause):
 )
 def test_the_gravest_cause_is_told(facts, cause):
     assert following(run(LOOP, **facts), LOOP, TOLERANCE).cause == cause
+
+
+def test_two_turns_of_a_circle_are_told_apart():
+    # 2.2 m/s round a radius of 1 m: the second turn is only 2 pi / 2.2 = 2.86 s after the first
+    turns = circle(1.0, 2.2, turns=2.0)
+    found = following(run(turns), turns, TOLERANCE)
+    assert found.cause == ""
+    assert found.sideways <= 1e-8  # the foot is exact, up to the iteration's end
+    assert abs(found.lateness) <= 1e-8
+    # 3 mm outside it drives beside the same places at the same times
+    assert following(run(turns, left=-0.003), turns, TOLERANCE).sideways == pytest.approx(0.003, abs=1e-8)
+
+
+def test_a_late_start_is_told_although_the_path_comes_by_again():
+    found = following(run(LOOP, behind=0.5), LOOP, TOLERANCE)
+    assert found.cause == "is late"
+    assert found.lateness == pytest.approx(0.5, abs=1e-8)
+    assert found.sideways <= 1e-8
+
+
+def test_a_vehicle_that_cuts_the_loop_leaves_the_path():
+    # straight on at 1 m/s where the loop about (4, 1) begins: the foot stays on it, though the end of the
+    # path is beneath the vehicle; after 14.28 s, at x = 14.28, the circle of 1 m is hypot(10.28, 1) - 1 away
+    t = np.arange(0.0, LOOP.t[-1], 0.01)
+    astray = replace(run(LOOP), x=t, y=np.zeros(len(t)), heading=np.zeros(len(t)))
+    found = following(astray, LOOP, TOLERANCE)
+    assert found.cause == "leaves the path"
+    assert found.sideways == pytest.approx(math.hypot(10.28, 1.0) - 1.0, rel=1e-9)
+
+
+def test_a_motion_whose_clock_starts_late_is_followed_from_its_first_row():
+    later = replace(LOOP, t=LOOP.t + 7.0)
+    found, same = (following(run(LOOP, behind=0.05), motion, TOLERANCE) for motion in (later, LOOP))
+    assert found.cause == same.cause == ""
+    assert found.lateness == pytest.approx(same.lateness, abs=1e-12)
