@@ -17,8 +17,10 @@ from vnav_drake.plan import Trajectory
 from vnav_drake.robot import Robot
 
 TOLERANCE = Tolerance(sideways=0.05, lateness=0.01, least_lateness=0.1)  # the limits of the check `tracking`
-MOST_FACTOR = 4.0  # of the speeds: faster is not looked at
+LEAST_FACTOR, MOST_FACTOR = 0.5, 4.0  # of the speeds: slower and faster is not looked at
 RESOLUTION = 0.01  # of the factor
+FIRST = 0.95  # of the analytic limit, where most vehicles still hold
+STRIDE = 0.1  # of the factor: how far the next trial is where one end of the bracket is missing
 SAMPLING = 2e-3  # [s], of the demand
 LASTING = 0.2  # [s] of the plan, for which a demand must last to count
 OVER = 1.1  # of the analytic limit, at which a vehicle must not hold
@@ -39,8 +41,8 @@ class Trial:
 class Margin:
     """By how much the whole speed profile can be scaled."""
 
-    factor: float  # greatest one at which the vehicle held
-    ended_by: str  # what went wrong at the next; empty when nothing did up to `MOST_FACTOR`
+    factor: float  # greatest one at which the vehicle held; 0 when it held at none that was tried
+    ended_by: str  # what went wrong at the least factor that failed; empty when none did up to `MOST_FACTOR`
     analytic: float  # at which the demand reaches the limit of grip or tipping; infinite without demand
     analytic_by: str  # "friction circle", "tip-over"
     trials: tuple[Trial, ...]
@@ -54,6 +56,8 @@ class Disturbed:
     case: str
     found: Following
     travel_time: float | None  # [s]; None when it does not arrive
+    least_load: float | None  # of a wheel, over a quarter of the weight; None for a single track
+    slid: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +78,8 @@ def find_margin(
 
     The drive and the brakes are given what the scaled motion needs, c^2 times the robot's: else a drive at
     its limit would be all that one learns. The schedule does not slow down in bends. Bisection on the factor
-    c, to `RESOLUTION`; that the vehicle holds at all smaller factors is taken for granted.
+    c, to `RESOLUTION`, between the greatest that held and the least that failed; that the vehicle holds at
+    all smaller factors is taken for granted. Where it holds at none down to `LEAST_FACTOR` the factor is 0.
 
     Raises
     ------
@@ -82,38 +87,73 @@ def find_margin(
     """
     check_motion(trajectory)
     demand, by = analytic_demand(robot, trajectory)
-    analytic = 1.0 / math.sqrt(demand) if demand > 0.0 else math.inf
+    analytic = _limit(demand)
     trials: list[Trial] = []
 
     def holds(factor: float) -> bool:
         trials.append(_trial(robot, trajectory, factor, demand, model))
         return not trials[-1].cause
 
-    low, high = 0.0, min(MOST_FACTOR, 1.25 * analytic)
-    if holds(high) and high < MOST_FACTOR:
-        low, high = high, MOST_FACTOR
-        if holds(high):
-            low = high
-    elif not trials[-1].cause:
-        low = high
-    if low < high:
-        first = min(max(0.9 * analytic, 0.5 * high), 0.95 * high)
-        low, high = (first, high) if holds(first) else (low, first)
-        while high - low > RESOLUTION * high:
-            middle = 0.5 * (low + high) if low > 0.0 else 0.8 * high
-            low, high = (middle, high) if holds(middle) else (low, middle)
-    failed = [trial for trial in trials if trial.cause]
-    least = min(failed, key=lambda trial: trial.factor, default=None)
-    beyond = math.sqrt(OVER) * analytic
-    over = _trial(robot, trajectory, beyond, demand, model) if beyond <= MOST_FACTOR else None
+    over = over_the_limit(robot, trajectory, model=model)
+    held = over.factor if over is not None and not over.cause else 0.0
+    failed = over.factor if over is not None and over.cause else math.inf
+    factor = _bisected(holds, held, failed, FIRST * analytic)
+    every = trials if over is None else [*trials, over]
+    least = min((trial for trial in every if trial.cause), key=lambda trial: trial.factor, default=None)
     return Margin(
-        factor=low,
+        factor=factor,
         ended_by="" if least is None else least.cause,
         analytic=analytic,
         analytic_by=by,
         trials=tuple(sorted(trials, key=lambda trial: trial.factor)),
         over=over,
     )
+
+
+def over_the_limit(robot: Robot, trajectory: Trajectory, *, model: str = "four_wheel") -> Trial | None:
+    """The run at speeds that ask for `OVER` times the analytic limit; None beyond `MOST_FACTOR`.
+
+    Raises
+    ------
+    As `find_margin`.
+    """
+    check_motion(trajectory)
+    demand, _ = analytic_demand(robot, trajectory)
+    factor = math.sqrt(OVER) * _limit(demand)
+    return _trial(robot, trajectory, factor, demand, model) if factor <= MOST_FACTOR else None
+
+
+def _limit(demand: float) -> float:
+    """Factor of the speeds at which a demand reaches 1; infinite without demand."""
+    return 1.0 / math.sqrt(demand) if demand > 0.0 else math.inf
+
+
+def _bisected(holds: Callable[[float], bool], held: float, failed: float, guess: float) -> float:
+    """Greatest factor that holds, to `RESOLUTION`; 0 when none did.
+
+    `held` and `failed` bracket it: the greatest factor known to hold, 0 where none is, and the least known to
+    fail, infinite where none is. `guess` is tried first where it is between them.
+    """
+    guess, stride = min(max(guess, LEAST_FACTOR), MOST_FACTOR), STRIDE
+    while True:
+        if held < guess < failed:
+            factor = guess
+        elif math.isinf(failed):
+            if held >= MOST_FACTOR:
+                return held
+            factor, stride = min(held * (1.0 + stride), MOST_FACTOR), 2.0 * stride
+        elif held == 0.0:
+            if failed <= LEAST_FACTOR:
+                return held
+            factor, stride = max(failed / (1.0 + stride), LEAST_FACTOR), 2.0 * stride
+        elif failed - held <= RESOLUTION * held:
+            return held
+        else:
+            factor = 0.5 * (held + failed)
+        if holds(factor):
+            held = factor
+        else:
+            failed = factor
 
 
 def analytic_demand(robot: Robot, trajectory: Trajectory) -> tuple[float, str]:
@@ -133,9 +173,7 @@ def analytic_demand(robot: Robot, trajectory: Trajectory) -> tuple[float, str]:
 
 def _lasting(values: NDArray[np.float64], window: int) -> float:
     """Greatest level that all of `window` neighbouring values reach somewhere."""
-    return (
-        float(minimum_filter1d(values, window, mode="constant", cval=0.0).max()) if window > 1 else values[0]
-    )
+    return float(minimum_filter1d(values, window, mode="constant", cval=0.0).max())
 
 
 def scaled(trajectory: Trajectory, factor: float) -> Trajectory:
@@ -225,4 +263,6 @@ def _piece(case: Disturbance | None, robot: Robot, trajectory: Trajectory, model
         case=case.case,
         found=following(run, trajectory, TOLERANCE),
         travel_time=run.details.get("travel_time"),
+        least_load=run.details.get("least_load"),
+        slid=run.details["slid"],
     )

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from systems import SimulationRun, margins, simulate, tracking_diagram
+from systems.following import following
 from systems.margins import Disturbed, Studies, Trial
 from systems.stops import StopRecords, emergency_stops
 from verify import evidence
@@ -60,9 +61,15 @@ def stop_everywhere(stages: Stages, plan: Plan) -> StopRecords | None:
 
 
 def study(stages: Stages, plan: Plan) -> Studies | None:
-    """Limits finder and robustness sweep of the executed motion, where asked for."""
-    scenario = stages.scenario
-    if not scenario.simulation.studies:
+    """Limits finder and robustness sweep of the executed motion, where asked for.
+
+    None also where the run did not hold: what a vehicle bears that cannot follow its motion as it is planned
+    says nothing.
+    """
+    scenario, run = stages.scenario, stages.done.run
+    if not scenario.simulation.studies or run is None:
+        return None
+    if following(run, plan.trajectory, margins.TOLERANCE).cause:
         return None
     robot, model, told = scenario.problem.robot, main_model(scenario), stages.told("studies")
     return stages.run(
@@ -136,5 +143,8 @@ def _disturbed(case: Disturbed) -> dict[str, Any]:
         "cause": case.found.cause,
         "max_lateral_error": case.found.sideways,
         "max_lateness": case.found.lateness,
+        "travel_time": case.travel_time,
+        "least_load": case.least_load,
+        "slid": case.slid,
     }
-    return dict(found) | ({} if case.travel_time is None else {"travel_time": case.travel_time})
+    return {key: value for key, value in found.items() if value is not None}
