@@ -26,7 +26,14 @@ from verify.report.figures_stops import StopsData, draw_stop_figures, draw_stops
 from verify.report.html import render
 from verify.report.simulation import graphviz_source, simulation_sections
 from verify.report.stops import StopPaths, read_stop_paths
-from verify.report.story_limits import case_rows, margin, margin_sentences, robustness_sentence, shown_columns
+from verify.report.story_limits import (
+    case_rows,
+    margin,
+    margin_sentences,
+    robustness_sentence,
+    shown_columns,
+    why_no_margin,
+)
 from verify.report.story_stops import WORST_CHORD, leaving, sharing, stop_story, stops_sentence
 from vnav_drake.problem import Problem
 
@@ -390,10 +397,21 @@ def test_the_margin_stands_beside_the_analytic_limit():
         most == "The vehicle still holds the whole motion at 4.00 times its speed, the most that was tried."
     )
     assert "at none of the speeds" in margin_sentences(limits(factor=0.0))[0]
-    below = margin_sentences(limits(factor=0.9, ended_by="late"))[0]
-    assert (
-        below == "The vehicle holds the whole motion only at 0.900 times its speed, then it comes too late."
-    )
+    below = margin_sentences(limits(factor=0.9, ended_by="is late"))[0]
+    assert below == "The vehicle holds the whole motion only at 0.900 times its speed, then it is late."
+
+
+@pytest.mark.parametrize(
+    ("result", "asked", "words"),
+    [
+        ({"simulation": {"fell": True}}, True, "the vehicle does not follow the motion as it is planned"),
+        ({"simulation": {"fell": True}}, False, "the scenario asks for no studies"),
+        ({"simulation": {"a": 1}, "missing": [{"stage": "studies"}]}, True, "the studies could not finish"),
+        ({}, True, "there is no simulated run"),
+    ],
+)
+def test_without_a_margin_the_reason_is_told(result, asked, words):
+    assert words in why_no_margin(result, asked=asked)
 
 
 def test_runs_that_held_are_dots_and_those_that_did_not_are_crosses():

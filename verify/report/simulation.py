@@ -16,7 +16,14 @@ from verify.report.figures_stops import StopsData, draw_stop_figures, draw_stops
 from verify.report.figures_tracking import TrackingData, draw_tracking
 from verify.report.numbers import number_in, seconds, with_unit
 from verify.report.section import Section
-from verify.report.story_limits import case_rows, margin, margin_sentences, robustness_sentence, shown_columns
+from verify.report.story_limits import (
+    case_rows,
+    margin,
+    margin_sentences,
+    robustness_sentence,
+    shown_columns,
+    why_no_margin,
+)
 from verify.report.story_stops import StopStory, stop_story
 from verify.report.text import plain
 
@@ -98,7 +105,7 @@ def _limits(scenario: Scenario, result: Result) -> Section:
     found = margin(result)
     if found is not None:
         return Section(pictures=[draw_limits(found)])
-    why = "" if scenario.simulation.studies else ": the scenario asks for no studies (simulation.studies)"
+    why = why_no_margin(result, asked=scenario.simulation.studies)
     return Section(pictures=(), missing=f"The limits were not looked for{why}.")
 
 

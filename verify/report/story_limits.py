@@ -91,7 +91,7 @@ def margin_sentence(result: Result) -> str:
     times = f"{significant(found.factor)} times"
     if found.ended_by.startswith(NOTHING):
         return f"The vehicle still holds the whole motion at {times} its speed, the most that was tried."
-    end = f", then it {_verb(found.ended_by)}" if found.ended_by else ""
+    end = f", then it {found.ended_by}" if found.ended_by else ""
     end += " (drive and brakes as strong as that takes)" if found.factor > 1.0 else ""
     only = "The vehicle holds the whole motion only at" if found.factor < 1.0 else (
         "The vehicle holds the whole motion up to"
@@ -99,8 +99,15 @@ def margin_sentence(result: Result) -> str:
     return f"{only} {times} its speed{end}."
 
 
-def _verb(cause: str) -> str:
-    return "comes too late" if cause == "late" else cause
+def why_no_margin(result: Result, *, asked: bool) -> str:
+    """Why there is none, to be said after a statement; `asked`: whether the scenario asks for studies."""
+    if not asked:
+        return ": the scenario asks for no studies (simulation.studies)"
+    if any(item.get("stage") == "studies" for item in entries(result, "missing")):
+        return ": the studies could not finish"
+    if not mapping(result, "simulation"):
+        return ": there is no simulated run"
+    return ": the vehicle does not follow the motion as it is planned, so there is no more to ask for"
 
 
 def margin_sentences(result: Result) -> list[str]:
@@ -120,7 +127,7 @@ def margin_sentences(result: Result) -> list[str]:
         if found.over.holds:
             sentences.append(f"{at} nothing was noticed: the simulation is too kind there.")
         else:
-            cause = f": it {_verb(found.over.cause)}" if found.over.cause else ""
+            cause = f": it {found.over.cause}" if found.over.cause else ""
             sentences.append(f"{at} the run is flagged, as it must be{cause}.")
     return sentences
 
@@ -159,7 +166,7 @@ def _case(item: Mapping[str, Any]) -> CaseRow:
     return CaseRow(
         case=plain(words(item.get("case"))) or "unnamed",
         status=PASSED if holds else FAILED,
-        verdict="holds" if holds else f"does not hold{': it ' + _verb(cause) if cause else ''}",
+        verdict="holds" if holds else f"does not hold{': it ' + cause if cause else ''}",
         error=with_unit(number_in(item, "max_lateral_error"), "m"),
         lateness=seconds(number_in(item, "max_lateness")),
         travel_time=seconds(number_in(item, "travel_time")),
