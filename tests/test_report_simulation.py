@@ -122,13 +122,14 @@ def test_the_answer_and_the_key_figures_tell_of_stops_and_margin(case):
     least = case[1]["simulation"]["emergency_stops"]["min_clearance"]
     words = said(case[2])
     lead = said(re.search(r'<p class="lead">.*?</p>', case[2], flags=re.DOTALL)[0])
-    assert f"24 emergency stops on the way: none collides, least clearance {least:.2f} m." in lead
+    assert f"24 emergency stops on the way: none collides (least clearance {least:.2f} m)." in lead
     assert (
         "The vehicle holds the whole motion up to 2.31 times its speed, then it slides "
         "(drive and brakes as strong as that takes)." in lead
     )
     assert "Bad emergency stops 0 of 24" in words
-    assert "Speed in hand 2.31 times" in words
+    assert "Grip in hand 2.31 times the speed until it slides, with drive and brakes to match; not a" in words
+    assert "braking zone and emergency stops are examined at the planned speed only" in words
 
 
 def test_without_a_replay_the_page_says_so(case, bare):
@@ -212,7 +213,8 @@ def test_stops_that_leave_their_disc_are_told_as_a_finding_about_the_source():
     told = stop_story(left(problem, stops), problem, stops, turning_run(0.6 * 1.2**2), asked=True)
     words = " ".join(told.finding).replace("\u00a0", " ")
     assert "2 of 4 stops leave the disc" in words
-    assert "1.234 times its radius away: 2 with steering held, none with the wheels straight." in words
+    # of the stop that leaves: 4 sin(asin(0.864)/4)/0.864 = 1.194, whatever ratio other stops may have
+    assert "1.194 times its radius away: 2 with steering held, none with the wheels straight." in words
     # lambda = 0.6 * 1.2^2 / 1 = 0.864, which leaves sqrt(1 - 0.864^2) = 0.503 m/s^2
     assert "In 1 of them the steering was held in a bend" in words
     assert "here up to 0.864, only μg√(1 − λ²) = 0.503 m/s² are left" in words
@@ -226,7 +228,7 @@ def test_stops_that_leave_their_disc_are_told_as_a_finding_about_the_source():
 
 def test_where_friction_suffices_the_source_is_not_to_blame():
     problem = slippery(3.0)  # sqrt(9 - 0.864^2) = 2.87 m/s^2 are left, a_b = 1
-    # a vehicle that brakes at 0.9 m/s^2 instead: 1/0.9 = 1.11 times as far
+    # a vehicle that brakes at 0.9 m/s^2 instead: 1/0.9 = 1.111 times as far
     slow = replace(problem, braking=replace(problem.braking, max_braking=0.9))
     stops = stops_of(slow, ((5.0, 2.0, 0.0, 1.2), 0.0, False))
     assert leaving(problem, stops).tolist() == [True]
@@ -234,7 +236,7 @@ def test_where_friction_suffices_the_source_is_not_to_blame():
     assert not shared.any()
     assert turn == 0.0
     told = stop_story(left(problem, stops), problem, stops, turning_run(0.864), asked=True)
-    assert told.finding[1].startswith("They end up to 1.11 times as far away as claimed")
+    assert told.finding[1].startswith("They end up to 1.111 times as far away as claimed")
     assert not any("source" in words for words in told.finding)
 
 

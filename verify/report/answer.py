@@ -12,6 +12,7 @@ from verify.report.story import (
     executed_plan,
     is_stuck,
     travel_times,
+    unfinished,
     verdict,
 )
 from verify.report.story_bound import bracket_sentence, full_sentence
@@ -29,8 +30,12 @@ from verify.report.story_times import (
 from verify.report.text import plain
 
 
-def answer(result: Result, *, rest_ends: bool, through: Sequence[str] = ()) -> list[str]:
-    """The answer in plain English, sentence by sentence; `through`: gates that the way was asked to pass."""
+def answer(result: Result, *, rest_ends: bool, through: Sequence[str] = (), lost: str = "") -> list[str]:
+    """The answer in plain English, sentence by sentence.
+
+    `through`: gates that the way was asked to pass; `lost`: where and when a simulated run ended that did
+    not arrive.
+    """
     plan, times = executed_plan(result), travel_times(result)
     sentences = [_gets_there(result, plan, times)]
     if through:
@@ -59,7 +64,7 @@ def answer(result: Result, *, rest_ends: bool, through: Sequence[str] = ()) -> l
         repaired = ": the refinement repairs that" if "refined" in times else ""
         sentences.append(f"The variational optimum itself breaks {limits}{repaired}.")
     sentences += _held_back(result)
-    sentences += _simulated(result)
+    sentences += _simulated(result, lost)
     sentences += filter(None, [stops_sentence(result), margin_sentence(result)])
     return sentences
 
@@ -151,7 +156,10 @@ def _bound(length: float) -> str:
     return with_unit(length, "m").removeprefix("<\u00a0")
 
 
-def _simulated(result: Result) -> list[str]:
+def _simulated(result: Result, lost: str) -> list[str]:
+    word = unfinished(result)
+    if word:
+        return [lost or f"In simulation the vehicle {word}."]
     time = number_in(result, "simulation", "travel_time")
     error = number_in(result, "simulation", "max_tracking_error")
     if time is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,19 +78,26 @@ def label_curves(
         taken.append(Bbox([best - half, best + half]))
 
 
-def label_points(axes: Axes, points: Mapping[str, Array], away: float, curves: Sequence[Curve]) -> None:
+def label_points(
+    axes: Axes,
+    points: Sequence[tuple[str, Array]],
+    away: float,
+    curves: Sequence[Curve],
+    colour: str = INK.light,
+) -> None:
     """Write the name of each point (2,) beside it, at the corner where it covers fewest points of the curves.
 
-    Call it when the limits of the axes are final. `away` [px]: how far from its point, across and along.
+    And no text that is there before. Call it when the limits of the axes are final. `away` [px]: how far
+    from its point, across and along.
     """
     arrange(axes.figure.figure)
     dense = [_dense(axes, curve) for curve in curves]
     covered, frame = np.concatenate([np.empty((0, 2)), *dense]), axes.get_window_extent()
-    taken: list[Bbox] = []
-    for name, point in points.items():
+    taken = [Bbox(text.get_window_extent().get_points()) for text in axes.texts if text.get_text()]
+    for number, (name, point) in enumerate(points):
         text = axes.annotate(
             name, (point[0], point[1]), (0, 0), textcoords="offset points", ha="center", va="center",
-            weight="bold", zorder=6,
+            weight="bold", zorder=6, color=colour,
         )  # fmt: skip
         box, at = text.get_window_extent(), axes.transData.transform(point)
         half = np.array([box.width, box.height]) / 2.0
@@ -98,8 +105,11 @@ def label_points(axes: Axes, points: Mapping[str, Array], away: float, curves: S
         inward = np.where(at < centre, 1.0, -1.0)
         candidates = at + inward * [[1, 1], [1, -1], [-1, 1], [-1, -1]] * (away + half)
         costs = _costs(candidates, half, covered, frame, taken)
-        others = axes.transData.transform([points[key] for key in points if key != name])
-        for other in others:  # a name about as near to another point would be taken for its
+        for key, (_, where) in enumerate(points):
+            if key == number:
+                continue
+            other = axes.transData.transform(where)
+            # a name about as near to another point would be taken for its
             costs += 500.0 * (np.hypot(*(candidates - other).T) < 1.5 * np.hypot(*(candidates - at).T))
         best = candidates[int(np.argmin(costs))]
         text.set_position(tuple(best - at))

@@ -49,7 +49,8 @@ class MapData:
     arcs: Sequence[Array]  # Voronoi arcs, (n, 2) [m] each
     others: Sequence[tuple[str, Trajectory]]  # (method, motion) drawn as lines
     executed: Trajectory | None  # drawn with its speed as colour
-    stuck: Sequence[tuple[str, tuple[float, float]]] = ()  # (method, place [m]) of runs that gave up
+    # (method, place [m], what became of it) of runs that gave up
+    stuck: Sequence[tuple[str, tuple[float, float], str]] = ()
     subject: str = "executed motion"  # what `executed` is called: where nothing is executed, a stand-in
     strayed: SimulatedRun | None = None  # where the simulated vehicle drove, when it did not follow
 
@@ -69,7 +70,10 @@ def draw_map(data: MapData) -> Picture:
             if data.executed is not None
             else "and no executed path."
         )
-        + "".join(f" {method(name).label} got stuck where the crossed ring is." for name, _ in data.stuck)
+        + "".join(
+            f" {method(name).label} {'got stuck' if word == 'stuck' else word} where the crossed ring is."
+            for name, _, word in data.stuck
+        )
         + (" The simulated vehicle left it: its track is drawn on top." if data.strayed is not None else ""),
     }
     with drawing_style():
@@ -120,18 +124,18 @@ def _draw(data: MapData, described: dict[str, str], *, narrow: bool) -> Markup:
         look = method("simulation")
         track = thinned_path(data.strayed.x, data.strayed.y, size)
         axes.plot(*track, color=look.light, lw=1.8, ls=look.dash, dash_capstyle="butt")
-    for name, place in data.stuck:
-        _stuck(axes, name, place)
+    for name, place, word in data.stuck:
+        _stuck(axes, name, place, word)
     draw_ends(axes, data.problem, data.executed)
     return to_svg(figure, **described)
 
 
-def _stuck(axes: Axes, name: str, place: tuple[float, float]) -> None:
+def _stuck(axes: Axes, name: str, place: tuple[float, float], word: str) -> None:
     look = method(name)
     axes.plot(*place, "o", ms=13, mfc=PAPER.light, mec=look.text, mew=2.0, zorder=6)
     axes.plot(*place, "X", ms=8, mfc=look.light, mec=INK.light, mew=0.8, zorder=6)
     text = axes.annotate(
-        "stuck", place, (0, -10), textcoords="offset points", ha="center", va="top", weight="bold", zorder=6,
+        word, place, (0, -10), textcoords="offset points", ha="center", va="top", weight="bold", zorder=6,
         color=look.text,
     )  # fmt: skip
     halo(text)
@@ -314,7 +318,7 @@ def draw_ends(axes: Axes, problem: Problem, motion: Trajectory | None, *, filled
                 zorder=5,
             )
     pixels = np.ptp(axes.transData.transform([[0.0, 0.0], [radius, 0.0]])[:, 0])
-    ends = {"start": problem.start.point, "goal": problem.goal.point}
+    ends = [("start", problem.start.point), ("goal", problem.goal.point)]
     label_points(
         axes, ends, math.sqrt(0.5) * pixels + 3.0, [] if motion is None else [Curve(x=motion.x, y=motion.y)]
     )

@@ -10,6 +10,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from verify.report.curves import Curve, halo, label_points
 from verify.report.evidence import SimulatedRun
@@ -19,13 +20,14 @@ from verify.report.palette import CASING, INK, LIMIT, PAPER, STRAIGHTENED, metho
 from verify.report.series import thinned_path
 from verify.report.stops import LEAST_CLAIM, StopPaths
 from verify.report.story_stops import FailedStop
-from verify.report.svg import PANEL, WIDE, Picture, both_widths, drawing_style, new_axes, to_svg
+from verify.report.svg import PANEL, WIDE, Picture, arrange, both_widths, drawing_style, new_axes, to_svg
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
 
 Array = NDArray[np.float64]
 
-MOST_NAMED = 6  # causes written beside failed stops: more are noise, the table has them all
+MOST_NAMED = 6  # groups of failed stops with a label: more are noise, the table has them all
+LABEL_ROOM = (110.0, 22.0)  # [px] across and along: nearer than that, two labels touch
 DASHED = (0, (3.5, 1.8))  # wheels straightened
 
 
@@ -84,16 +86,36 @@ def _map(data: StopsData, bad: Sequence[FailedStop], described: dict[str, str], 
         axes.plot(*lines[stop.index].T, color=LIMIT.light, lw=2.6 if wide else 2.0, ls=dash, zorder=4)
     draw_ends(axes, data.problem, data.executed, filled=False)
     _nearest(axes, data)
-    for k, stop in enumerate(bad):
-        place = stop.place or tuple(lines[stop.index][-1])
+    places = [np.array(stop.place or lines[stop.index][-1], dtype=float) for stop in bad]
+    for place in places:
         axes.plot(*place, "X", ms=9, mfc=LIMIT.light, mec=PAPER.light, mew=1.0, zorder=6)
-        if k < MOST_NAMED and wide:
-            words = stop.cause_word
-            text = axes.annotate(
-                words, place, (7, 7), textcoords="offset points", color=LIMIT.light, weight="bold", zorder=6
-            )
-            halo(text)
+    if wide and bad:
+        arrange(figure)
+        pixels = axes.transData.transform(places)
+        named = [
+            (stop.cause_word if len(group) == 1 else f"{len(group)} × {stop.cause_word}", places[group[0]])
+            for group in neighbours(pixels, [stop.cause for stop in bad])[:MOST_NAMED]
+            for stop in (bad[group[0]],)
+        ]
+        driven = [Curve(x=line[:, 0], y=line[:, 1]) for line in lines]
+        label_points(axes, named, 7.0, driven, LIMIT.light)
     return to_svg(figure, **described)
+
+
+def neighbours(places: Array, causes: Sequence[str]) -> list[list[int]]:
+    """Places (n, 2) [px] of the same cause that hang together, largest group first, in each its middle first.
+
+    Two hang together when their labels would touch; so do chains of such.
+    """
+    near = np.all(np.abs(places[:, None] - places) < LABEL_ROOM, axis=2)
+    same = np.array(causes)[:, None] == np.array(causes)
+    count, group = connected_components(near & same, directed=False)
+    groups = [np.flatnonzero(group == k) for k in range(count)]
+    groups.sort(key=len, reverse=True)
+    return [
+        own[np.argsort(np.hypot(*(places[own] - places[own].mean(axis=0)).T), kind="stable")].tolist()
+        for own in groups
+    ]
 
 
 def _nearest(axes: Axes, data: StopsData) -> None:
@@ -103,11 +125,14 @@ def _nearest(axes: Axes, data: StopsData) -> None:
     place = np.array([data.stops.x[row[i]], data.stops.y[row[i]]])
     axes.plot(*place, "o", mfc="none", mec=INK.light, ms=11, mew=1.5, zorder=5)
     driven = [] if data.run is None else [Curve(x=data.run.x, y=data.run.y)]
-    label_points(axes, {with_unit(float(least[i]), "m"): place}, 7.0, driven)
+    label_points(axes, [(with_unit(float(least[i]), "m"), place)], 7.0, driven)
 
 
 def draw_stop_figures(data: StopsData) -> Sequence[Picture]:
-    """Way driven and displacement over the braking distance claimed, and least clearance, by instant."""
+    """Way driven and displacement over the braking distance claimed, and least clearance, by instant.
+
+    The first two only where any stop claims enough to form a ratio.
+    """
     stops, problem = data.stops, data.problem
     claimed = stops.claimed(problem.braking)
     moving = claimed >= LEAST_CLAIM
@@ -116,7 +141,7 @@ def draw_stop_figures(data: StopsData) -> Sequence[Picture]:
     least, _ = data.nearest
     note = f" Stops that claim less than {LEAST_CLAIM:g} m are left out." if not moving.all() else ""
     with drawing_style():
-        return [
+        ways = [
             _dots(
                 data, "stops-distance", "Way driven until it stands", stops.driven * share,
                 f"way driven over {law}", (1.0, "braking distance"), note,
@@ -125,6 +150,9 @@ def draw_stop_figures(data: StopsData) -> Sequence[Picture]:
                 data, "stops-displacement", "Farthest from where it began", stops.displacement * share,
                 f"distance over {law}", (1.0, "rim of the braking disc"), note,
             ),
+        ] if moving.any() else []  # fmt: skip
+        return [
+            *ways,
             _dots(
                 data, "stops-clearance", "Least clearance of each stop", least, "clearance [m]",
                 (0.0, "touches"), "", unit="m",

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 
 from verify.report.curves import halo
-from verify.report.numbers import percent, seconds, seconds_proven
+from verify.report.numbers import percent_or_times, seconds, seconds_proven
 from verify.report.palette import BAD_FILL, INK, LIMIT, MUTED, PAPER, method
 from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_axes, to_svg
 
@@ -96,7 +96,7 @@ def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Mark
             share = "another way"
         elif reference is not None:
             same = row.method == data.reference
-            share = "reference" if same else percent(row.travel_time / reference - 1.0, signed=True)
+            share = "reference" if same else percent_or_times(row.travel_time / reference - 1.0)
         if narrow:
             words, at, offset = f"{look.label}   {_figure(row)}   {share}", 0.0, (0, 9)
             _write(axes, words, (at, i), offset, look.text, bold, ha="left", va="bottom", fontsize=10)

@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from verify.report import story
 from verify.report.html import render, write_whole
-from verify.report.numbers import DASH, metres, number_in, percent, seconds, seconds_proven
+from verify.report.numbers import DASH, metres, number_in, percent_or_times, seconds, seconds_proven
 from verify.report.wording import VERDICTS
 
 
@@ -60,10 +60,10 @@ def _row(name: str, result: Mapping[str, Any]) -> IndexRow:
         travel_time=seconds(time),
         length=metres(number_in(result, "plans", plan, "length")),
         optimum=seconds(optimum),
-        above=percent(time / optimum - 1.0, signed=True) if time is not None and optimum else "–",
+        above=percent_or_times(time / optimum - 1.0) if time is not None and optimum else "–",
         lower_bound=seconds_proven(times.get("lower_bound")),
         gap=story.gap_figure(result, "certified"),
-        simulated=seconds(times.get("simulation")),
+        simulated=story.unfinished(result) or seconds(times.get("simulation")),
         stops=story.stops_figure(result) or DASH,
         gates=", ".join(f"{number} {word}" for word, number in counts.items() if number) or "none",
     )

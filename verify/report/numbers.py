@@ -116,6 +116,11 @@ def percent(ratio: float | None, *, signed: bool = False) -> str:
     return _minus(text) + SPACE + "%"
 
 
+def percent_or_times(ratio: float) -> str:
+    """How much more one number is than another, signed: in percent, above 100 % as a multiple."""
+    return percent(ratio, signed=True) if ratio <= 1.0 else f"{significant(1.0 + ratio)} times"
+
+
 def _tiny(ratio: float) -> bool:
     """Whether `percent` says no more of it than its sign and that it is small."""
     return 0.0 < abs(100.0 * ratio) < 5e-4

@@ -38,7 +38,7 @@ from verify.report.space_data import space_data
 from verify.report.story_bound import BoundStory, bound_story, closing, full_bound, upper
 from verify.report.story_classes import analytic_row, class_rows, graph_words
 from verify.report.story_seeds import seed_story
-from verify.report.story_stuck import stuck_runs
+from verify.report.story_stuck import StuckRun, lost_run, stuck_runs
 from verify.report.story_times import breaks, goes_astray, time_rows, window_sentence
 from verify.report.story_vc import vc_story
 from verify.report.svg import Picture
@@ -88,7 +88,8 @@ def write_report(
     """
     evidence, problem = read_evidence(folder), scenario.problem
     plan = evidence.executed_plan or "refined"
-    classes, stuck = class_rows(result), stuck_runs(result)
+    classes, lost = class_rows(result), lost_run(result, evidence.simulation)
+    stuck = [*stuck_runs(result), *([] if lost is None else [lost])]
     rest = problem.start.speed != "safe" or problem.goal.speed != "safe"
     text = render(
         "report.html",
@@ -100,7 +101,9 @@ def write_report(
         headline=story.headline(result),
         verdict_reasons=story.reasons(result),
         standing=story.standing(result),
-        answer=answer(result, rest_ends=rest, through=scenario.plan.through),
+        answer=answer(
+            result, rest_ends=rest, through=scenario.plan.through, lost="" if lost is None else lost.sentence
+        ),
         others=others(result, rest_ends=rest),
         gate_summary=story.gate_summary(result),
         gates=story.gate_rows(result),
@@ -131,7 +134,7 @@ def write_report(
         hollow=any(breaks(result, name) for name in story.travel_times(result)),
         subject=_subject(result, evidence),
         **_bound_sections(problem, result, evidence, folder),
-        map=_map(problem, result, evidence, extras),
+        map=_map(problem, result, evidence, extras, stuck),
         map_lines=[method(name) for name, _ in _map_lines(evidence)]
         + ([method("simulation")] if story.strayed(result) and evidence.simulation is not None else []),
         has_arcs=extras.diagram is not None or bool(extras.voronoi_polylines),
@@ -211,7 +214,13 @@ def _map_lines(evidence: Evidence) -> list[tuple[str, Trajectory]]:
     return [(name, motion) for name, motion in evidence.plans.items() if name != evidence.executed_plan]
 
 
-def _map(problem: Problem, result: Mapping[str, Any], evidence: Evidence, extras: ReportExtras) -> Section:
+def _map(
+    problem: Problem,
+    result: Mapping[str, Any],
+    evidence: Evidence,
+    extras: ReportExtras,
+    stuck: Sequence[StuckRun],
+) -> Section:
     if extras.diagram is not None:
         arcs = list(extras.diagram.polylines(problem.world.diameter * ARC_SPACING_SHARE))
     else:
@@ -223,7 +232,7 @@ def _map(problem: Problem, result: Mapping[str, Any], evidence: Evidence, extras
             others=_map_lines(evidence),
             executed=evidence.executed,
             subject=_subject(result, evidence),
-            stuck=[(run.method, run.place) for run in stuck_runs(result) if run.place is not None],
+            stuck=[(run.method, run.place, run.word) for run in stuck if run.place is not None],
             strayed=evidence.simulation if story.strayed(result) else None,
         )
     )

@@ -32,6 +32,11 @@ if TYPE_CHECKING:
 
 Result = Mapping[str, Any]
 
+AT_PLAN = (
+    "None of these is a safe speed: braking zone and emergency stops are examined at the planned speed only, "
+    "and anything faster may break the promise to stop in time."
+)
+
 
 class Wired(Diagram, Protocol):
     """A Drake diagram that also tells its Graphviz source."""
@@ -52,7 +57,7 @@ def simulation_sections(scenario: Scenario, result: Result, evidence: Evidence, 
         "stops": told,
         **_stops(scenario, evidence, told),
         "limits": _limits(scenario, result),
-        "limits_told": margin_sentences(result),
+        "limits_told": [*margin_sentences(result), *([] if margin(result) is None else [AT_PLAN])],
         "cases": cases,
         "case_columns": shown_columns(cases),
         "cases_told": robustness_sentence(cases),
@@ -115,7 +120,8 @@ def _models(result: Result) -> list[str]:
     if not figures:
         return []
     time, error = (number_in(figures, key) for key in ("travel_time", "max_lateral_error"))
-    parts = [] if time is None else [f"took {seconds(time)}"]
+    lost = story.unfinished(result, "single_track")
+    parts = [lost] if lost else [] if time is None else [f"took {seconds(time)}"]
     parts += [] if error is None else [f"stayed within {with_unit(error, 'm')} of the path"]
     return [f"The single-track pre-screen {' and '.join(parts)} ({SINGLE_TRACK})."] if parts else []
 

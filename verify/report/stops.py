@@ -63,6 +63,29 @@ class StopPaths:
         v = self.speed
         return v * braking.reaction_time + v * v / (2.0 * braking.max_braking)
 
+    def speed_after(self, delay: float) -> Array:
+        """(n,) [m/s], `delay` [s] after each instant; of a stop that ends before, the last one."""
+        return self._after(delay, self.v)
+
+    def won(self, braking: UniformBraking) -> Array:
+        """(n,) [m], what each stop needs beyond its claim as its speed changes until the brakes act.
+
+        Derived: with the way s and the speed w at the end of the reaction time t_r,
+        s - v t_r + (w^2 - v^2)/(2 a_b). Negative where the plan slows down.
+        """
+        delay, v = braking.reaction_time, self.speed
+        steps = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(self.x), np.diff(self.y)))])
+        way = self._after(delay, steps - np.repeat(steps[self.begin], np.diff(self.first)))
+        later = self.speed_after(delay)
+        return way - v * delay + (later * later - v * v) / (2.0 * braking.max_braking)
+
+    def _after(self, delay: float, values: Array) -> Array:
+        """(n,) `values` (m,) interpolated `delay` [s] after each instant."""
+        span = float(self.t.max()) + delay + 1.0  # one clock for all stops, one after the other
+        shift = span * np.repeat(np.arange(len(self)), np.diff(self.first))
+        at = span * np.arange(len(self)) + np.minimum(delay, self.t[self.first[1:] - 1])
+        return np.interp(at, self.t + shift, values)
+
     def nearest(self, problem: Problem) -> tuple[Array, NDArray[np.int64]]:
         """(n,) [m] least clearance of the robot's disc in the rows of each stop, and the row it is in."""
         clearance = problem.clearance(np.column_stack([self.x, self.y]))

@@ -24,7 +24,7 @@ from verify.report.numbers import (
     with_unit_beside,
 )
 from verify.report.palette import METHODS, method
-from verify.report.text import label
+from verify.report.text import label, plain
 from verify.report.wording import CHECKS, GAPS, GATES, VERDICTS, GateWords
 
 Result = Mapping[str, Any]
@@ -222,10 +222,49 @@ def travel_times(result: Result) -> dict[str, float]:
     plans = mapping(result, "plans")
     found = {name: number_in(plans, name, "travel_time") for name in plans if isinstance(name, str)}
     found["lower_bound"] = number_in(result, "lower_bound", "travel_time")
-    found["simulation"] = number_in(result, "simulation", "travel_time")
+    if not unfinished(result):
+        found["simulation"] = number_in(result, "simulation", "travel_time")
     order = {name: i for i, name in enumerate(METHODS)}
     names = sorted(found, key=lambda name: (order.get(name, len(order) - 1.5), name))
     return {name: time for name in names if (time := found[name]) is not None and not is_stuck(result, name)}
+
+
+def unfinished(result: Result, *keys: str) -> str:
+    """What became of a simulated run that did not get there, in a word; "" where it arrived.
+
+    `keys`: where in the block of the simulation the run is, nothing for the run itself.
+    """
+    told = mapping(result, "simulation")
+    for key in keys:
+        told = mapping(told, key)
+    if told.get("fell") is True or told.get("ended") == "fallen":
+        return "fell"
+    ended = told.get("ended")
+    if told.get("arrived") is False or (isinstance(ended, str) and ended != "arrived"):
+        return "did not arrive"
+    return ""
+
+
+def stops_notes(result: Result, *, zone: bool = True, wheels: bool = True) -> list[str]:
+    """How many emergency stops left their braking disc, slid or lifted a wheel; nothing where none did.
+
+    `zone`, `wheels`: which of these are asked for.
+    """
+    found = mapping(mapping(result, "simulation"), "emergency_stops")
+    told = (
+        (zone, "left_zone", "end{} outside the braking disc that {} claim{}"),
+        (wheels, "slid", "slide{}"),
+        (wheels, "lifted", "lift{} a wheel"),
+    )
+    notes = []
+    for asked, key, text in told:
+        number = number_in(found, key) if asked else None
+        if number:
+            one = number == 1.0
+            notes.append(
+                f"{count(number)} {text.format('s', 'it', 's') if one else text.format('', 'they', '')}"
+            )
+    return notes
 
 
 def key_figures(result: Result, evidence: Evidence) -> list[KeyFigure]:
@@ -258,16 +297,28 @@ def key_figures(result: Result, evidence: Evidence) -> list[KeyFigure]:
     ]
     error = number_in(result, "simulation", "max_tracking_error")
     if error is not None:
-        figures.append(KeyFigure("Largest tracking error", with_unit(error, "m"), "in simulation"))
+        until = {"fell": ", until it fell", "": ""}.get(unfinished(result), ", as far as it came")
+        figures.append(KeyFigure("Largest tracking error", with_unit(error, "m"), f"in simulation{until}"))
     stops = stops_figure(result)
     if stops:
         least = number_in(result, "simulation", "emergency_stops", "min_clearance")
-        note = "" if least is None else f"least clearance {with_unit(least, 'm')}"
-        figures.append(KeyFigure("Bad emergency stops", stops, note))
+        near = [] if least is None else [f"least clearance {with_unit(least, 'm')}"]
+        figures.append(KeyFigure("Bad emergency stops", stops, "; ".join([*near, *stops_notes(result)])))
     factor = number_in(result, "simulation", "margin", "factor")
     if factor is not None:
-        figures.append(KeyFigure("Speed in hand", f"{significant(factor)} times", "that it still holds"))
+        figures.append(_grip(result, factor))
     return figures
+
+
+def _grip(result: Result, factor: float) -> KeyFigure:
+    """The margin of the run; a speed that could be driven safely it is not."""
+    end = plain(words(mapping(mapping(result, "simulation"), "margin").get("ended_by")))
+    end = "comes too late" if end == "late" else end
+    until = (
+        "the most that was tried" if end.startswith("nothing") else f"until it {end}" if end else "at most"
+    )
+    note = f"{until}, with drive and brakes to match; not a safe speed"
+    return KeyFigure("Grip in hand", f"{significant(factor)} times the speed", note)
 
 
 def stops_figure(result: Result) -> str:
@@ -286,9 +337,11 @@ def headline(result: Result) -> str:
         return f"{title}{joint} {failing} gate{'s' * (failing > 1)} fail{'s' * (failing == 1)}"
     evaluated = sum(row.status != NOT_EVALUATED for row in rows)
     if evaluated and verdict(result) in ("certified", "refined"):
-        return f"{title}: " + (
-            "the one evaluated gate holds" if evaluated == 1 else f"all {evaluated} evaluated gates hold"
-        )
+        gates = "the one evaluated gate holds" if evaluated == 1 else f"all {evaluated} evaluated gates hold"
+        left = number_in(result, "simulation", "emergency_stops", "left_zone")
+        tried = number_in(result, "simulation", "emergency_stops", "tried")
+        stops = f", but {count(left)} of {count(tried)} stops leave their braking disc" if left else ""
+        return f"{title}: {gates}{stops}"
     return title
 
 

@@ -13,7 +13,7 @@ from verify.judge.stops import SETTLING, STEP
 from verify.report.evidence import SimulatedRun
 from verify.report.numbers import DASH, count, number_in, seconds, significant, with_unit
 from verify.report.stops import LEAST_CLAIM, StopPaths
-from verify.report.story import Result, entries, mapping, words
+from verify.report.story import Result, entries, mapping, stops_notes, words
 from verify.report.text import label, plain
 from vnav_drake.problem import Problem
 
@@ -66,13 +66,11 @@ def stops_sentence(result: Result) -> str:
     tried = number_in(found, "tried")
     if tried is None:
         return ""
-    least = number_in(found, "min_clearance")
-    near = "" if least is None else f", least clearance {with_unit(least, 'm')}"
-    return f"{count(tried)} emergency stops on the way: {_outcome(found, tried)}{near}."
+    return f"{count(tried)} emergency stops on the way: {_outcome(found, stops_notes(result))}."
 
 
-def _outcome(found: Mapping[str, Any], tried: float) -> str:
-    """None collides; or how many do what, with those that the gate counts for another reason."""
+def _outcome(found: Mapping[str, Any], notes: Sequence[str]) -> str:
+    """None collides; or how many do what; `notes`; how many count against the gate for another reason."""
     parts, told = [], 0.0
     for key, one, several in _COUNTS:
         number = number_in(found, key)
@@ -80,13 +78,14 @@ def _outcome(found: Mapping[str, Any], tried: float) -> str:
             told += number
             parts.append(f"{count(number)} {one if number == 1 else several}")
     bad = number_in(found, "bad") or 0.0
+    against = ""
     if bad and bad > told:
-        parts.append(
-            f"{count(bad)} count against the gate in all" if parts else f"{count(bad)} count against the gate"
-        )
-    if parts:
-        return ", ".join(parts)
-    return "none collides" if number_in(found, "collisions") == 0.0 else "no count of collisions was recorded"
+        against = f"{count(bad)} count against the gate{' in all' if parts else ''}"
+    none = number_in(found, "collisions") == 0.0
+    first = ", ".join(parts) or ("none collides" if none else "no count of collisions was recorded")
+    least = number_in(found, "min_clearance")
+    near = "" if least is None else f" (least clearance {with_unit(least, 'm')})"
+    return ", ".join(filter(None, [first + near, *notes, against]))
 
 
 def stop_story(
@@ -97,6 +96,10 @@ def stop_story(
     if not found:
         gate = next((g for g in entries(result, "gates") if g.get("name") == "emergency_stops"), {})
         reason = plain(words(gate.get("reason"))).removeprefix("not evaluated: ")
+        check = next((c for c in entries(result, "checks") if c.get("name") == "emergency_stops"), {})
+        message = plain(words(check.get("message")))
+        if check.get("status") == "failed" and message:  # it says more than the gate does
+            reason = f"the judge refused them: {message}"
         if not asked:
             reason = "the scenario asks for none (simulation.stops: 0)"
         return StopStory(missing=f"No emergency stops: {reason or 'none were judged'}.")
@@ -104,27 +107,36 @@ def stop_story(
     bad = number_in(found, "bad") or 0.0
     more = int(bad) - len(failed)
     return StopStory(
-        sentences=_sentences(found, problem),
+        sentences=[*_sentences(result, found, problem), *_too_short(problem, stops)],
         finding=[] if stops is None else finding(found, problem, stops, run),
         failed=failed,
         unlisted=f"{count(more)} more failed and are not listed." if failed and more > 0 else "",
     )
 
 
-def _sentences(found: Mapping[str, Any], problem: Problem) -> list[str]:
+def _too_short(problem: Problem, stops: StopPaths | None) -> list[str]:
+    """Why no stop's way is drawn, where that is so."""
+    if stops is None or (stops.claimed(problem.braking) >= LEAST_CLAIM).any():
+        return []
+    return [
+        f"Every stop claims less than {100.0 * LEAST_CLAIM:g}\u00a0cm of way, too little to compare what it "
+        "takes with what it claims."
+    ]
+
+
+def _sentences(result: Result, found: Mapping[str, Any], problem: Problem) -> list[str]:
     tried, instants = number_in(found, "tried") or 0.0, number_in(found, "instants")
     at = f"{count(instants)} instants, " if instants else ""
-    least = number_in(found, "min_clearance")
-    near = "" if least is None else f", least clearance {with_unit(least, 'm')}"
+    notes = stops_notes(result, wheels=False)
     sentences = [
-        f"{count(tried)} stops ({at}steering held and wheels straightened): {_outcome(found, tried)}{near}."
+        f"{count(tried)} stops ({at}steering held and wheels straightened): {_outcome(found, notes)}."
     ]
     law = "v t_r + v²/(2 a_b)" if problem.braking.reaction_time > 0.0 else "v²/(2 a_b)"
     held, straight = (number_in(found, kind, "worst_distance_ratio") for kind in ("held", "straightened"))
     if held is not None and straight is not None:
         sentences.append(
-            f"With the steering held a stop takes up to {significant(held)} times {law}, "
-            f"with the wheels straightened up to {significant(straight)} times."
+            f"With the steering held a stop takes up to {significant(held, 4)} times {law}, "
+            f"with the wheels straightened up to {significant(straight, 4)} times."
         )
     if problem.braking.reaction_time > 0.0:
         sentences.append(f"The brakes act {problem.braking.reaction_time:g}\u00a0s after the command.")
@@ -151,7 +163,7 @@ def finding(
     left = number_in(found, "left_zone")
     if not left:
         return []
-    tried, worst = number_in(found, "tried") or 0.0, number_in(found, "worst_displacement_ratio")
+    tried, worst = number_in(found, "tried") or 0.0, _worst(found, problem, stops)
     held, straight = (number_in(found, kind, "left_zone") for kind in ("held", "straightened"))
     kinds = "" if held is None or straight is None else (
         f": {_number(held).lower()} with steering held, {_number(straight).lower()} with the wheels straight"
@@ -162,16 +174,19 @@ def finding(
         f" they begin{far}{kinds}."
     ]
     away = leaving(problem, stops)
-    shared, turn = sharing(problem, stops, run)
+    gained = away & _mostly_gained(problem, stops)
+    if gained.any():
+        sentences += _reaction(problem, stops, gained)
+    shared, turn = sharing(problem, stops, run, but=gained)
     if shared.any():
         sentences += _source(problem, int(shared.sum()), turn)
     claimed = stops.claimed(problem.braking)
-    rest = away & ~shared & (claimed >= LEAST_CLAIM)
+    rest = away & ~shared & ~gained & (claimed >= LEAST_CLAIM)
     if rest.any():
         most = float((stops.displacement[rest] / claimed[rest]).max())
-        whose = "The others" if shared.any() else "They"
+        whose = "The others" if shared.any() or gained.any() else "They"
         sentences.append(
-            f"{whose} end up to {significant(most)} times as far away as claimed: there the vehicle "
+            f"{whose} end up to {significant(most, 4)} times as far away as claimed: there the vehicle "
             "itself brakes less than a_b."
         )
     if problem.friction_reserve:
@@ -179,6 +194,43 @@ def finding(
     elif shared.any():
         sentences.append(_cure(problem))
     return sentences
+
+
+def _worst(found: Mapping[str, Any], problem: Problem, stops: StopPaths | None) -> float | None:
+    """Greatest displacement over the claim, of the stops that leave their disc where the rows are there."""
+    if stops is not None:
+        claimed = stops.claimed(problem.braking)
+        away = leaving(problem, stops) & (claimed >= LEAST_CLAIM)
+        if away.any():
+            return float((stops.displacement[away] / claimed[away]).max())
+    return number_in(found, "worst_displacement_ratio")
+
+
+def _mostly_gained(problem: Problem, stops: StopPaths) -> NDArray[np.bool_]:
+    """Stops (n,) whose way beyond the claim is for half or more due to speed won before the brakes act."""
+    if problem.braking.reaction_time <= 0.0:
+        return np.zeros(len(stops), dtype=bool)
+    beyond = stops.displacement - stops.claimed(problem.braking)
+    return np.asarray(2.0 * stops.won(problem.braking) >= np.maximum(beyond, 2.0 * SETTLING))
+
+
+def _reaction(problem: Problem, stops: StopPaths, gained: NDArray[np.bool_]) -> list[str]:
+    """What a reaction time does to the braking law where the plan speeds up."""
+    delay = problem.braking.reaction_time
+    beyond = (stops.displacement - stops.claimed(problem.braking))[gained]
+    most = int(np.argmax(beyond))
+    won = float(stops.won(problem.braking)[gained][most])
+    faster = (stops.speed_after(delay) - stops.speed)[gained][most]
+    share = f"{100.0 * min(won / float(beyond[most]), 1.0):.0f}\u00a0%"
+    return [
+        f"In {count(len(beyond))} of them the plan speeds up: until the brakes act, {delay:g}\u00a0s after "
+        "the command, the vehicle goes on along its plan. Of the one that goes farthest beyond its disc, "
+        f"{with_unit(float(beyond[most]), 'm')}, the {with_unit(float(faster), 'm/s')} won by then explain "
+        f"{share}.",
+        "This is a finding about the braking law with a reaction time: v t_r + v²/(2 a_b) takes the speed at "
+        "the command for the speed at which braking begins. Where the plan accelerates by a, braking begins "
+        "at v + a t_r, after v t_r + a t_r²/2.",
+    ]
 
 
 def _source(problem: Problem, shared: int, turn: float) -> list[str]:
@@ -211,10 +263,13 @@ def leaving(problem: Problem, stops: StopPaths) -> NDArray[np.bool_]:
     return np.asarray(stops.displacement > claimed + SETTLING + STEP * stops.speed)
 
 
-def sharing(problem: Problem, stops: StopPaths, run: SimulatedRun | None) -> tuple[NDArray[np.bool_], float]:
+def sharing(
+    problem: Problem, stops: StopPaths, run: SimulatedRun | None, but: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.bool_], float]:
     """Stops (n,) that leave their disc, steering held, where turning leaves much less friction than a_b.
 
-    And the greatest lambda of those; 0 where there are none, or where the run does not tell.
+    Other than those of `but` (n,), which another cause explains. And the greatest lambda of those; 0 where
+    there are none, or where the run does not tell.
     """
     sway = None if run is None else run.channels.get("lateral_acceleration")
     if run is None or sway is None:
@@ -223,6 +278,8 @@ def sharing(problem: Problem, stops: StopPaths, run: SimulatedRun | None) -> tup
     share = np.abs(np.interp(stops.instant, run.t, sway)) / grip
     spared = grip * np.sqrt(np.maximum(1.0 - np.square(share), 0.0))
     shared = leaving(problem, stops) & ~stops.straightened & (spared < SHARED * problem.robot.max_braking)
+    if but is not None:
+        shared &= ~but
     return shared, float(share[shared].max()) if shared.any() else 0.0
 
 

@@ -1,17 +1,22 @@
-"""Runs that gave up on their way: they have no travel time, and stand nowhere as if they had one."""
+"""Runs that gave up on their way or fell: they have no travel time, and stand nowhere as if they had one."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
+from verify.report.evidence import SimulatedRun
 from verify.report.numbers import DASH, duration, metres, number_in, seconds
 from verify.report.palette import method
-from verify.report.story import Result, is_stuck, mapping, words
+from verify.report.story import Result, is_stuck, mapping, unfinished, words
 from verify.report.story_times import TimeRow
 from verify.report.text import plain
 from verify.report.wording import STUCK
+
+FALLEN = 3  # the supervisor's mode in simulation.csv
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,6 +27,7 @@ class StuckRun:
     sentence: str  # why, when and where it gave up
     place: tuple[float, float] | None  # [m]
     row: TimeRow  # for the table of travel times
+    word: str = "stuck"  # what became of it
 
 
 def stuck_runs(result: Result) -> list[StuckRun]:
@@ -29,6 +35,27 @@ def stuck_runs(result: Result) -> list[StuckRun]:
     plans = mapping(result, "plans")
     names = [name for name in plans if isinstance(name, str) and is_stuck(result, name)]
     return [_run(name, mapping(plans, name)) for name in names]
+
+
+def lost_run(result: Result, run: SimulatedRun | None) -> StuckRun | None:
+    """The simulated run where it fell or did not arrive, else None; `run`: its record, which tells where."""
+    word = unfinished(result)
+    if not word:
+        return None
+    facts, place, when = mapping(result, "simulation"), None, ""
+    if run is not None:
+        mode = run.channels.get("mode")
+        fallen = word == "fell" and mode is not None and bool((mode > FALLEN - 0.5).any())
+        row = int(np.argmax(mode > FALLEN - 0.5)) if fallen and mode is not None else -1
+        place = (float(run.x[row]), float(run.y[row]))
+        where = f"at ({place[0]:.2f}, {place[1]:.2f})\u00a0m".replace("-", "−")
+        time = f"{run.t[row] - run.t[0]:.2f}\u00a0s"
+        when = f" after {time}, {where}" if word == "fell" else f": after {time} it was {where}"
+    left = number_in(facts, "goal_distance")
+    far = "" if left is None else f", never nearer to the goal than {metres(left)}"
+    row_words = replace(_row("simulation", facts), travel_time=word)
+    sentence = f"In simulation the vehicle {word}{when}{far}."
+    return StuckRun(method="simulation", sentence=sentence, place=place, row=row_words, word=word)
 
 
 def _run(name: str, plan: Mapping[str, Any]) -> StuckRun:

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from verify.report.numbers import DASH, count, duration, metres, number_in, percent, seconds, seconds_proven
+from verify.report.numbers import (
+    DASH,
+    count,
+    duration,
+    metres,
+    number_in,
+    percent,
+    percent_or_times,
+    seconds,
+    seconds_proven,
+    significant,
+)
 from verify.report.palette import Method, method
 from verify.report.story import (
     NOT_PROMISED,
@@ -75,7 +86,7 @@ def _above(result: Result, name: str, time: float, reference: float | None) -> s
         return ANOTHER_WAY
     if name == reference_plan(result):
         return "reference"
-    return percent(time / reference - 1.0, signed=True) if reference else DASH
+    return percent_or_times(time / reference - 1.0) if reference else DASH
 
 
 def goes_astray(result: Result, name: str) -> bool:
@@ -108,9 +119,11 @@ def _broken_keys(result: Result, name: str) -> list[str]:
 
 
 def compared(ratio: float, more: str, less: str) -> str:
-    """`more` and `less` end with the word before what is compared with."""
+    """`more` and `less` end with the word before what is compared with; above 100 % the multiple of that."""
     if abs(ratio) < 5e-6:
         return f"within {percent(1e-5)} of"
+    if ratio > 1.0:
+        return f"{significant(1.0 + ratio)} times"
     return f"{percent(abs(ratio))} {more if ratio >= 0.0 else less}"
 
 

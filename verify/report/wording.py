@@ -263,8 +263,9 @@ GLOSSARY: tuple[tuple[str, str, str], ...] = (
     (
         "Emergency stop",
         "At an instant of the run the brakes are commanded: once with the steering held, once with the "
-        "wheels straightened. It is bad when the vehicle collides, falls or does not come to rest; with the "
-        "friction reserve also when it leaves the disc of the braking distance.",
+        "wheels straightened, as fast as the steering allows. It is bad when the vehicle collides, falls or "
+        "does not come to rest; with the friction reserve also when it leaves the disc of the braking "
+        "distance.",
         f"{THESIS}, Definition 9, takes that disc for the braking zone; sharing of friction derived",
     ),
     (
@@ -283,8 +284,10 @@ GLOSSARY: tuple[tuple[str, str, str], ...] = (
         "contact force of the simulation",
     ),
     (
-        "Speed in hand",
-        "How far the whole speed profile can be scaled before the vehicle slides, tips or leaves its path.",
+        "Grip in hand",
+        "How far the whole speed profile can be scaled before the vehicle slides, tips or leaves its path, "
+        "with drive and brakes as strong as that takes. It is no safe speed: braking zone and emergency "
+        "stops are examined at the planned speed only.",
         "found by bisection on the simulated vehicle",
     ),
 )
