@@ -24,11 +24,19 @@ def headline(judgement: Judgement) -> str:
             parts.append(f"{words} {_percent(judgement, name)} %")
     stops = (judgement.simulation or {}).get("emergency_stops")
     if stops is not None:
-        parts.append(stops_in_words(stops))
+        parts.append(", ".join([stops_in_words(stops), *_stops_notes(stops)]))
     given = limits_given(judgement)
     if given:
         parts.append(f"(gates overridden on the command line: {given})")
     return "  ".join(parts)
+
+
+def _stops_notes(stops: Mapping[str, Any]) -> list[str]:
+    """What the emergency stops did that no gate counts, where any did."""
+    told = [("slid", "slid"), ("lifted", "lifted a wheel")]
+    if not stops.get("friction_reserve"):  # with the reserve it is counted as bad, and told
+        told = [("left_zone", "left their braking zone"), *told]
+    return [f"{stops[key]} {words}" for key, words in told if stops.get(key)]
 
 
 def _time(plan: Mapping[str, Any]) -> str:
