@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 import yaml
 
+from systems.margins import MOST_FACTOR, OVER, analytic_demand, over_the_limit
 from verify.cli import run
 from verify.evidence import read_result
 from verify.recheck import check_folder
+from vnav_drake.plan import Trajectory
+from vnav_drake.scenario import load_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 # Run as it is; the others with fewer emergency stops, and without studies of what the vehicle can bear.
@@ -43,6 +46,9 @@ AT_REST = {
     "city_blocks",
     "create_three_rectangles",
 }
+# Far from the limits at four times their speed: straight on, or by the robot of Manor 2015, Sec. 2.8, that
+# brakes at 0.1 m/s^2, which is 16 times that then, of mu g = 5.886 m/s^2.
+SLOW = {"corridor", *AT_REST}
 # Relative: what the collocation may be above the optimum with at most 400 intervals; 1e-4 is asked for.
 COARSE = 4e-5
 WAREHOUSES = {"warehouse": 1.0, "warehouse_rest": 1.0, "warehouse_slippery": 1.0, "warehouse_tall": 3.0}
@@ -54,8 +60,13 @@ def files(*, of_the_warehouse: bool) -> list[Path]:
     return [file for file in every if file.stem.startswith("warehouse") == of_the_warehouse]
 
 
-def verified(file: Path, place: Path) -> dict[str, Any]:
-    """The result of a run that passes and that `verify check` confirms."""
+def read_motion(file: Path) -> Trajectory:
+    """The motion of a trajectory file."""
+    return Trajectory(*np.loadtxt(file, delimiter=",", skiprows=1, unpack=True))
+
+
+def verified(file: Path, place: Path) -> Path:
+    """The folder of a run that passes and that `verify check` confirms."""
     asked = file
     if file.stem not in WHOLE:
         question = yaml.safe_load(file.read_text())
@@ -65,11 +76,15 @@ def verified(file: Path, place: Path) -> dict[str, Any]:
     assert run([str(asked), "--out", str(place / "reports"), "--quiet"]) == 0
     folder = place / "reports" / file.stem
     assert check_folder(folder, quiet=True) == 0
-    return read_result(folder)
+    return folder
 
 
 class GalleryFacts:
-    """Tests of one `result`, a fixture of the module that inherits them."""
+    """Tests of one result, in `folder`, a fixture of the module that inherits them."""
+
+    @pytest.fixture
+    def result(self, folder) -> dict[str, Any]:
+        return read_result(folder)
 
     def test_every_scenario_is_certified_or_refined_and_holds_everywhere(self, result):
         certified = result["scenario"] not in REFINED | AT_REST
@@ -89,6 +104,28 @@ class GalleryFacts:
         assert (found["bad"], found["collisions"], found["falls"], found["not_stopped"]) == (0, 0, 0, 0)
         assert found["min_clearance"] > 0.0
         assert ("margin" in told) == ("robustness" in told) == whole
+
+    def test_over_the_limit_is_flagged(self, result, folder):
+        scenario = load_scenario(folder / "scenario.yaml")
+        robot, motion = scenario.problem.robot, read_motion(folder / "trajectory.csv")
+        demand, _ = analytic_demand(robot, motion)
+        reachable = demand * MOST_FACTOR**2 >= OVER  # demand grows with the square of the speed
+        told = result["simulation"]
+        if result["scenario"] in WHOLE:
+            assert ("over" in told["margin"]) == reachable
+            found = told["margin"]["over"]
+            assert found["flagged"]
+            assert found["demand"] == pytest.approx(OVER)
+            assert found["factor"] ** 2 * demand == pytest.approx(OVER)
+            assert told["margin"]["factor"] < found["factor"]
+            assert all(case["holds"] == (case["cause"] == "") for case in told["robustness"])
+            assert all(0.0 <= case["least_load"] <= 1.0 for case in told["robustness"])
+            return
+        trial = over_the_limit(robot, motion, model=told["model"])
+        assert (trial is not None) == reachable == (result["scenario"] not in SLOW)
+        if trial is not None:
+            assert trial.cause
+            assert trial.factor**2 * demand == pytest.approx(OVER)
 
     def test_the_lower_bound_is_below_what_is_known_and_within_its_gate(self, result):
         name, lower = result["scenario"], result["lower_bound"]["travel_time"]

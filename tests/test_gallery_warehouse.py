@@ -5,7 +5,7 @@ from gallery_facts import GalleryFacts, files, verified
 
 
 @pytest.fixture(scope="module", params=files(of_the_warehouse=True), ids=lambda file: file.stem)
-def result(request, tmp_path_factory):
+def folder(request, tmp_path_factory):
     return verified(request.param, tmp_path_factory.mktemp("gallery"))
 
 
