@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from systems_motions import circle, drive, s_curve, straight
+from test_following import LOOP, run
 
 from systems import margins
+from systems.following import Following
 from systems.margins import (
     FIRST,
     LEAST_FACTOR,
     MOST_FACTOR,
     OVER,
     RESOLUTION,
+    Disturbed,
+    Margin,
+    Studies,
     Trial,
     analytic_demand,
     disturbances,
@@ -24,6 +30,7 @@ from systems.margins import (
     scaled,
     study,
 )
+from verify import driving
 from vnav_drake.plan import Path
 from vnav_drake.robot import GRAVITY, Robot
 
@@ -164,6 +171,41 @@ def test_disturbed_vehicles_differ_in_what_their_case_says():
     assert found["mass +10 %"].actual == replace(ROBOT, mass=1.1 * ROBOT.mass)
     assert found["start 3 cm to the right"].offset == (0.0, -0.03, 0.0)
     assert found["start turned 2 degrees to the left"].offset == (0.0, 0.0, math.radians(2.0))
+
+
+# what the pipeline makes of it
+
+
+@pytest.mark.parametrize(
+    ("facts", "studied"), [({}, True), ({"fell": True}, False), ({"arrived": False}, False)]
+)
+def test_a_motion_that_is_not_followed_is_not_studied(monkeypatch, facts, studied):
+    monkeypatch.setattr(margins, "study", lambda *_, **__: "studies")
+    settings = SimpleNamespace(studies=True, model="four_wheel")
+    stages = SimpleNamespace(
+        scenario=SimpleNamespace(simulation=settings, problem=SimpleNamespace(robot=ROBOT)),
+        done=SimpleNamespace(run=run(LOOP, **facts)),
+        workers=1,
+        told=lambda _name: None,
+        run=lambda _name, work: work(),
+    )
+    found = driving.study(stages, SimpleNamespace(trajectory=LOOP))
+    assert found == ("studies" if studied else None)
+
+
+def test_loads_and_slides_of_other_vehicles_are_told_where_they_are_known():
+    margin = Margin(factor=1.0, ended_by="", analytic=math.inf, analytic_by="", trials=(), over=None)
+    followed = Following(cause="", sideways=0.01, lateness=0.02)
+    cases = [
+        Disturbed(case="wheels", found=followed, travel_time=3.0, least_load=0.8, slid=False),
+        Disturbed(case="axles", found=followed, travel_time=None, least_load=None, slid=True),
+    ]
+    told = driving.about_studies(Studies(margin=margin, robustness=tuple(cases)))["robustness"]
+    common = {"holds": True, "cause": "", "max_lateral_error": 0.01, "max_lateness": 0.02}
+    assert told == [
+        {"case": "wheels", "travel_time": 3.0, "least_load": 0.8, "slid": False, **common},
+        {"case": "axles", "slid": True, **common},
+    ]
 
 
 # real runs
