@@ -68,6 +68,8 @@ def test_a_run_that_fell_is_told_with_time_and_place():
         ({"ended": "standing", "arrived": False}, "did not arrive"),
         ({"ended": "out_of_time"}, "did not arrive"),
         ({"ended": 3}, ""),
+        ({"ended": "arrived", "max_lateral_error": 0.1, "travel_time": 3.0}, ""),
+        ({"ended": "arrived", "max_lateral_error": 0.1}, "did not arrive"),  # the judge gives it no time
     ],
 )
 def test_what_became_of_a_run_is_one_word(told, word):
@@ -208,7 +210,7 @@ def test_speed_won_before_the_brakes_act_is_told_as_a_finding_about_the_law():
     problem, stops = delayed(warehouse().problem, (1.0, 0.2), (1.0, 0.0))
     told = stop_story(audited(left_zone=1), problem, stops, None, asked=True)
     words = " ".join(told.finding).replace("\u00a0", " ")
-    assert "1 of 400 stops leave" in words
+    assert "1 of 400 stops leaves the disc" in words
     assert "at the worst 1.130 times its radius away" in words
     assert "until the brakes act, 0.5 s after the command, the vehicle goes on along its plan" in words
     assert "beyond its disc, 0.130 m, the 0.100 m/s won by then explain 100 %." in words

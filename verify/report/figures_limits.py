@@ -39,7 +39,8 @@ def draw_limits(found: Margin) -> Picture:
         described,
         heading="How far the speed can be scaled",
         caption="One mark a run at that many times the planned speed: a dot where it held, a cross where it "
-        "did not. At 1 it is driven as planned.",
+        "did not. At 1 it is driven as planned, and only there are braking zone and emergency stops "
+        "examined: a factor that holds is no safe speed.",
     )
 
 

@@ -240,7 +240,9 @@ def unfinished(result: Result, *keys: str) -> str:
     if told.get("fell") is True or told.get("ended") == "fallen":
         return "fell"
     ended = told.get("ended")
-    if told.get("arrived") is False or (isinstance(ended, str) and ended != "arrived"):
+    driven = number_in(told, "max_lateral_error") is not None
+    untimed = driven and number_in(told, "travel_time") is None  # the judge times only what gets there
+    if told.get("arrived") is False or (isinstance(ended, str) and ended != "arrived") or untimed:
         return "did not arrive"
     return ""
 
@@ -340,7 +342,11 @@ def headline(result: Result) -> str:
         gates = "the one evaluated gate holds" if evaluated == 1 else f"all {evaluated} evaluated gates hold"
         left = number_in(result, "simulation", "emergency_stops", "left_zone")
         tried = number_in(result, "simulation", "emergency_stops", "tried")
-        stops = f", but {count(left)} of {count(tried)} stops leave their braking disc" if left else ""
+        stops = (
+            f", but {count(left)} of {count(tried)} stops leave{'s' * (left == 1.0)} their braking disc"
+            if left
+            else ""
+        )
         return f"{title}: {gates}{stops}"
     return title
 

@@ -170,8 +170,8 @@ def finding(
     )  # fmt: skip
     far = "" if worst is None else f", at the worst {significant(worst, 4)} times its radius away"
     sentences = [
-        f"{count(left)} of {count(tried)} stops leave the disc of the braking distance around the place where"
-        f" they begin{far}{kinds}."
+        f"{count(left)} of {count(tried)} stops {'leaves' if left == 1.0 else 'leave'} the disc of the "
+        f"braking distance around the place where {'it begins' if left == 1.0 else 'they begin'}{far}{kinds}."
     ]
     away = leaving(problem, stops)
     gained = away & _mostly_gained(problem, stops)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from verify.judge.wheels import FALLEN
 from verify.report.evidence import SimulatedRun
 from verify.report.numbers import DASH, duration, metres, number_in, seconds
 from verify.report.palette import method
@@ -16,7 +17,7 @@ from verify.report.story_times import TimeRow
 from verify.report.text import plain
 from verify.report.wording import STUCK
 
-FALLEN = 3  # the supervisor's mode in simulation.csv
+FELL = 3  # the supervisor's mode in simulation.csv
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +45,11 @@ def lost_run(result: Result, run: SimulatedRun | None) -> StuckRun | None:
         return None
     facts, place, when = mapping(result, "simulation"), None, ""
     if run is not None:
-        mode = run.channels.get("mode")
-        fallen = word == "fell" and mode is not None and bool((mode > FALLEN - 0.5).any())
-        row = int(np.argmax(mode > FALLEN - 0.5)) if fallen and mode is not None else -1
+        down = np.zeros(len(run.t), dtype=bool)
+        if word == "fell":
+            down |= np.asarray(run.channels.get("mode", run.t * 0.0)) > FELL - 0.5
+            down |= np.abs(run.channels.get("tilt", run.t * 0.0)) > FALLEN
+        row = int(np.argmax(down)) if down.any() else -1
         place = (float(run.x[row]), float(run.y[row]))
         where = f"at ({place[0]:.2f}, {place[1]:.2f})\u00a0m".replace("-", "−")
         time = f"{run.t[row] - run.t[0]:.2f}\u00a0s"
