@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,10 @@ from judged import arcs_motion, scenario_bytes, setting
 from verify import evidence
 from verify.judge import judge
 from verify.judge.motion import COLUMNS, Motion
-from verify.judge.tracking import LOAD_COLUMNS
+from verify.judge.question import Question, read_question
+from verify.judge.stops import Stops, judge_stops, stops_check
+from verify.judge.stops_file import StopsFile
+from verify.judge.tracking import LOAD_COLUMNS, Record, record_from_columns
 
 Arrays = dict[str, np.ndarray]
 ROWS = ("t", "x", "y", "heading", "v", "tilt", "least_load", "slip")
@@ -48,6 +52,7 @@ def run_columns() -> Arrays:
         "y": np.full(len(t), 2.0),
         "heading": still,
         "v": np.full(len(t), SPEED),
+        "steering": still,
         "lateral_acceleration": still,
         **{name: np.full(len(t), 40.0 * 9.81 / 4.0) for name in LOAD_COLUMNS},
         "tilt": still,
@@ -80,6 +85,18 @@ def stop_arrays(
         "least_load": np.full(count * rows, 0.8),
         "slip": np.zeros(count * rows),
     }
+
+
+def no_stops() -> Arrays:
+    """Of stops.npz without any."""
+    return first_stops(stop_arrays(), 0)
+
+
+def first_stops(arrays: Arrays, kept: int) -> Arrays:
+    """The first stops only."""
+    rows = {key: arrays[key][: arrays["first"][kept]] for key in ROWS}
+    head = {key: arrays[key][:kept] for key in ("instant", "straightened")}
+    return {**arrays, **rows, **head, "first": arrays["first"][: kept + 1]}
 
 
 def rows_of(arrays: Arrays, stop: int) -> slice:
@@ -139,3 +156,38 @@ def write_claims(folder: Path, change: Callable[[dict[str, Any]], None] = lambda
     change(result)
     result["files"] = evidence.manifest(folder)
     (folder / evidence.RESULT).write_text(json.dumps(result))
+
+
+@cache
+def question(text: str = "{}") -> Question:
+    return read_question(scenario_bytes(**changes(**json.loads(text))))
+
+
+@cache
+def record() -> Record:
+    return record_from_columns(run_columns())
+
+
+def judged(arrays: Arrays, run: Record | None = None, **changes: Any) -> Stops:
+    asked = question(json.dumps(changes))
+    columns = {key: value for key, value in arrays.items() if key not in ("schema", "model")}
+    file = StopsFile(model=str(arrays["model"]), **columns)
+    setting = asked.setting
+    planned = LENGTH / SPEED
+    return judge_stops(file, run or record(), planned, setting.surroundings, asked.drive, setting.limits)
+
+
+def figures(arrays: Arrays, **changes: Any) -> dict[str, Any]:
+    found = judged(arrays, **changes)
+    assert found.refused == ()
+    assert found.figures is not None
+    return found.figures
+
+
+def refusal(arrays: Arrays, run: Record | None = None, **changes: Any) -> str:
+    found = judged(arrays, run, **changes)
+    assert (found.figures, found.bad) == (None, None)
+    check = stops_check(question(json.dumps(changes)).drive, found, 1e9)  # no limit makes up for evidence
+    assert check.status == "failed"
+    assert check.message == "no evidence: " + "; ".join(found.refused)
+    return check.message

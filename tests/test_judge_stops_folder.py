@@ -16,6 +16,7 @@ from verify.evidence import EvidenceError
 from verify.judge import Gate, Judgement, decide, examine, judge
 from verify.judge.tracking import WHEEL_COLUMNS
 from verify.recheck import recheck
+from verify.report.evidence import read_evidence
 from verify.summary import failures, headline
 
 COUNT = 2 * case.INSTANTS
@@ -271,13 +272,37 @@ def test_stops_that_nobody_asked_for_are_no_claim(tmp_path):
 
 
 def test_a_deleted_stop_with_everything_fitting_fails(folder, capsys):
-    arrays = case.stop_arrays()
-    rows = {key: arrays[key][: arrays["first"][-2]] for key in case.ROWS}
-    less = {key: arrays[key][:-1] for key in ("instant", "straightened", "first")}
-    (folder / evidence.STOPS).write_bytes(case.packed({**arrays, **rows, **less}))
+    less = case.first_stops(case.stop_arrays(), COUNT - 1)
+    (folder / evidence.STOPS).write_bytes(case.packed(less))
     case.write_claims(folder)
     code, text = check(folder, capsys)
     assert code == 1
     assert (
         f"no evidence: {COUNT - 1} stops, where 2 at each of {case.INSTANTS} instants were asked for" in text
     )
+
+
+def test_no_stops_at_all_are_judged_and_fail(folder, capsys):
+    (folder / evidence.STOPS).write_bytes(case.packed(case.no_stops()))
+    case.write_claims(folder)
+    code, text = check(folder, capsys)
+    assert code == 1
+    assert "check emergency_stops (simulation): no evidence: 0 stops, where 2 at each of" in text
+
+
+def test_a_vehicle_that_fell_at_once_fails_for_its_fall_and_has_no_stops(tmp_path, capsys):
+    run = {name: column[:51].copy() for name, column in case.run_columns().items()}
+    run["mode"][-1] = 3.0
+    folder = case.write_case(tmp_path / "hall", case.no_stops(), run)
+    case.write_claims(folder)
+    code, text = check(folder, capsys)
+    assert code == 1
+    assert "the vehicle fell, at t = 0.500 s" in text
+    assert "no evidence: no stop at all: the vehicle fell on its run, 0.500 s after its start" in text
+
+
+def test_a_report_of_no_stops_says_why(tmp_path):
+    (tmp_path / evidence.STOPS).write_bytes(case.packed(case.no_stops()))
+    found = read_evidence(tmp_path)
+    assert found.stops is None
+    assert found.reasons[evidence.STOPS] == "stops.npz holds no stop"

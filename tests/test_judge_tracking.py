@@ -285,6 +285,37 @@ def test_a_record_in_which_no_wheel_ever_carries_anything_fails():
     assert four_wheels(on_four_wheels(loads=0.0 * unloaded([], 0))).check.status == "failed"
 
 
+@pytest.mark.parametrize(
+    ("share", "status"), [(0.91, "passed"), (1.09, "passed"), (0.89, "failed"), (1.11, "failed")]
+)
+def test_the_floor_carries_the_weight(share: float, status: str):
+    # 40 kg: 392.4 N in all
+    loads = np.full((len(record(plan()).t), 4), share * 98.1)
+    result = four_wheels(on_four_wheels(loads=loads))
+    assert result.check.status == status
+    if status == "failed":
+        told = f"wheels that carry {share * 392.4:.1f} N on average, where the robot weighs 392.4 N"
+        assert told in result.check.message
+
+
+def test_loads_of_a_nanonewton_are_no_loads():
+    result = four_wheels(on_four_wheels(loads=np.full((len(record(plan()).t), 4), 1e-9)))
+    assert "wheels that carry 0.0 N" in result.check.message
+
+
+@pytest.mark.parametrize(("every", "status"), [(120, "passed"), (80, "failed")])
+def test_two_wheels_in_the_air_again_and_again_fail(every: int, status: str):
+    # 20 rows, 0.19 s and half a row on either side, of every 120 or 80: 1/6 or 1/4 of the run, of which 1/5
+    # is allowed. The other side carries all of the weight.
+    loads = np.full((len(record(plan()).t), 4), 98.1)
+    up = np.arange(len(loads)) % every < 20
+    loads[up] = [0.0, 196.2, 0.0, 196.2]
+    result = four_wheels(on_four_wheels(loads=loads))
+    assert result.check.status == status
+    if status == "failed":
+        assert "two wheels were in the air for 25% of the run, 20% is allowed" in result.check.message
+
+
 def test_the_acceleration_of_four_wheels_says_nothing_of_their_loads():
     sway = np.full(len(record(plan()).t), 2.0 * WHERE.limits.tip)
     driven = replace(on_four_wheels(), lateral_acceleration=sway)

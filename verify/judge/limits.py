@@ -19,7 +19,9 @@ class Limits:
     """What the robot may do, and how it brakes. `math.inf` means: not limited."""
 
     radius: float  # [m]
-    wheelbase: float  # [m]
+    mass: float  # [kg]
+    wheelbase: float  # l [m]
+    track: float  # w [m]
     braking: float  # a_b [m/s^2]
     acceleration: float  # a_max [m/s^2]
     speed: float  # v_max [m/s]
@@ -41,7 +43,9 @@ class Limits:
         sine, cosine = math.sin(robot.max_steering), math.cos(robot.max_steering)
         return cls(
             radius=robot.radius,
+            mass=robot.mass,
             wheelbase=robot.wheelbase,
+            track=robot.track,
             braking=robot.max_braking,
             acceleration=robot.max_acceleration,
             speed=math.inf if robot.max_speed is None else robot.max_speed,

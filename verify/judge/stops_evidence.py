@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from verify.judge.limits import Limits
 from verify.judge.question import Drive
 from verify.judge.stops_file import StopsFile
-from verify.judge.tracking import JUMP_FACTOR, JUMP_SLACK, SAMPLING_LIMIT, Record
-from verify.judge.wheels import FALLEN, lifted
+from verify.judge.stops_motion import no_motion, turn_between, unheard_orders
+from verify.judge.tracking import Record
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -22,13 +22,6 @@ CLOCK = 0.01  # [s], by which an instant may be off its place: steps of a simula
 SAME_PLACE = 1e-3  # [m]: far below any clearance that counts
 SAME_HEADING = 0.01  # [rad]
 SAME_SPEED = 0.01  # [m/s]: 1 cm of braking distance at 1 m/s and 1 m/s^2
-# The floor changes a speed by mu g. A contact is not as steady as that; where a wheel was in the air and
-# comes down, there is a jolt, of which nothing is asked.
-GRIP_FACTOR = 2.0
-GRIP_SLACK = 0.1  # [m/s]
-# A row every 20 ms says by its speeds how far the vehicle goes, to second order.
-WAY_SHARE = 0.1
-WAY_SLACK = 0.02  # [m]
 
 
 def faults(file: StopsFile, record: Record, planned: float, drive: Drive, limits: Limits) -> tuple[str, ...]:
@@ -37,36 +30,38 @@ def faults(file: StopsFile, record: Record, planned: float, drive: Drive, limits
     `planned` is the travel time [s] of the motion that the run follows: what a run takes longer, which
     `tracking` limits, need not be covered.
     """
-    found = _not_asked_for(file, drive, min(float(record.t[-1]), planned))
+    found = _not_asked_for(file, drive, record, planned)
     if found:
         return tuple(found)  # the rest would be told of stops that nobody asked for
     return (
         *_not_spread(file, record, planned, drive),
         *_not_of_the_run(file, record, limits),
-        *_no_motion(file, limits),
+        *no_motion(file, float(record.t[-1]), limits),
+        *unheard_orders(file, record, limits),
     )
 
 
 def recorded_speed(file: StopsFile, record: Record) -> Array:
     """The greater speed [m/s] of the run's rows on both sides of each instant; (n,)."""
-    before, after, _ = _between(file, record)
+    before, after, _ = _between(file.instant, record)
     return np.maximum(np.abs(record.v[before]), np.abs(record.v[after]))
 
 
-def name_of(file: StopsFile, stop: int) -> str:
-    """A stop in words."""
-    how = "wheels straightened" if file.straightened[stop] else "steering held"
-    return f"stop {stop} (at {file.instant[stop]:.3f} s, {how})"
-
-
-def _not_asked_for(file: StopsFile, drive: Drive, duration: float) -> list[str]:
+def _not_asked_for(file: StopsFile, drive: Drive, record: Record, planned: float) -> list[str]:
     """Another vehicle, another number of stops, or not two of every instant.
 
-    A run that lasts shorter than one `CLOCK` an instant has room for fewer.
+    A run that lasts shorter than one `CLOCK` an instant has room for fewer, and one on which the vehicle
+    fell has instants up to there only: with n of them in the middle of equal parts of `planned` [s] no
+    fewer than n t / `planned` - 1/2 before the time t of the fall.
     """
     if file.model != drive.vehicle:
         return [f"of the model {file.model!a}, where {drive.vehicle} was to be stopped"]
-    if not 2 * min(drive.stops, int(duration / CLOCK)) <= len(file) <= 2 * drive.stops or len(file) % 2:
+    least, fell = min(drive.stops, int(min(float(record.t[-1]), planned) / CLOCK)), record.fell_at
+    if fell is not None:
+        least = min(least, max(int(drive.stops * fell / planned) - 1, 0))
+    if not len(file) and not least and fell is not None:
+        return [f"no stop at all: the vehicle fell on its run, {fell:.3f} s after its start"]
+    if not max(2 * least, 1) <= len(file) <= 2 * drive.stops or len(file) % 2:
         return [f"{len(file)} stops, where 2 at each of {drive.stops} instants were asked for"]
     pairs = file.instant.reshape(-1, 2)
     flags = file.straightened.reshape(-1, 2)
@@ -77,15 +72,19 @@ def _not_asked_for(file: StopsFile, drive: Drive, duration: float) -> list[str]:
 
 def _not_spread(file: StopsFile, record: Record, planned: float, drive: Drive) -> list[str]:
     """Parts of the run in which no stop begins, and instants outside of it."""
-    begin, end = float(record.t[0]), float(record.t[-1])
+    begin, end, fell = float(record.t[0]), float(record.t[-1]), record.fell_at
+    if fell is not None:
+        end = fell
     instants = file.instant[::2]
-    if instants[0] < begin - CLOCK or instants[-1] > end + CLOCK or (np.diff(instants) < 0.0).any():
-        return [f"instants that are not in order within the run, {begin:.3f} to {end:.3f} s"]
+    if instants[0] < begin - CLOCK or instants[-1] > end + CLOCK or (np.diff(instants) <= 0.0).any():
+        return [f"instants that do not increase within the run, {begin:.3f} to {end:.3f} s"]
     covered = max(min(end, planned), float(instants[-1]))
     marks = np.concatenate([[begin], instants, [covered]])
     gap = np.diff(marks)
     widest = int(np.argmax(gap))
-    allowed = SPREAD * (covered - begin) / drive.stops + CLOCK
+    # of a run that ended in a fall the instants are those of the whole that was planned
+    spread_over = covered - begin if fell is None else planned
+    allowed = SPREAD * spread_over / drive.stops + CLOCK
     if gap[widest] <= allowed:
         return []
     return [
@@ -93,25 +92,32 @@ def _not_spread(file: StopsFile, record: Record, planned: float, drive: Drive) -
     ]
 
 
-def _between(file: StopsFile, record: Record) -> tuple[Rows, Rows, Array]:
-    """The run's rows before and after each instant, and the part of the time between that has passed."""
-    before = np.clip(np.searchsorted(record.t, file.instant, side="right") - 1, 0, len(record.t) - 2)
-    part = (file.instant - record.t[before]) / (record.t[before + 1] - record.t[before])
+def _between(clock: Array, record: Record) -> tuple[Rows, Rows, Array]:
+    """The run's rows before and after each time, and the part of the time between that has passed."""
+    before = np.clip(np.searchsorted(record.t, clock, side="right") - 1, 0, len(record.t) - 2)
+    part = (clock - record.t[before]) / (record.t[before + 1] - record.t[before])
     return before, before + 1, np.clip(part, 0.0, 1.0)
 
 
 def _not_of_the_run(file: StopsFile, record: Record, limits: Limits) -> list[str]:
-    """First rows that are not the state in which the run was at their instant."""
-    before, after, part = _between(file, record)
-    begin = file.first[:-1]
+    """Rows that are not the state in which the run was: the first, and all until the brakes act.
+
+    For the reaction time the vehicle follows its trajectory, as it does on its run, as far as that lasts.
+    """
+    owner, begin = file.owner, file.first[:-1]
+    clock = file.instant[owner] + file.t
+    same = (file.t <= limits.reaction_time) & (clock <= record.t[-1])
+    same[begin] = True
+    row = np.flatnonzero(same)
+    before, after, part = _between(clock[row], record)
     place = np.stack([record.x, record.y], axis=1)
     chord = place[before] + part[:, None] * (place[after] - place[before])
-    off = np.hypot(*(file.points[begin] - chord).T)
+    off = np.hypot(*(file.points[row] - chord).T)
     bulge = limits.grip * (record.t[after] - record.t[before]) ** 2 / 8.0
-    turn = _turn(record.heading[before], record.heading[after])
-    turned = np.abs(_turn(record.heading[before] + part * turn, file.heading[begin]))
+    turn = turn_between(record.heading[before], record.heading[after])
+    turned = np.abs(turn_between(record.heading[before] + part * turn, file.heading[row]))
     low, high = (f(record.v[before], record.v[after]) for f in (np.minimum, np.maximum))
-    v = file.v[begin]
+    v = file.v[row]
     faster = np.maximum(v - high, low - v)
     rules = (
         (off > SAME_PLACE + bulge, off, "m from where the run was"),
@@ -119,49 +125,12 @@ def _not_of_the_run(file: StopsFile, record: Record, limits: Limits) -> list[str
         (faster > SAME_SPEED, faster, "m/s off the run's speed"),
     )
     return [
-        f"{name_of(file, i)} begins {amount[i]:.4f} {words}"
+        f"{file.name_of(int(owner[row[i]]))} {_still(file.t[row[i]])} {amount[i]:.4f} {words}"
         for wrong, amount, words in rules
         for i in np.flatnonzero(wrong)[:1].tolist()
     ]
 
 
-def _turn(before: Array, after: Array) -> Array:
-    """From one heading to another the shorter way round [rad]."""
-    return np.asarray(np.remainder(after - before + np.pi, 2.0 * np.pi) - np.pi)
-
-
-def _no_motion(file: StopsFile, limits: Limits) -> list[str]:
-    """Rows that no vehicle drives: clock, way and speed that do not go together."""
-    row = file.inner
-    owner = file.owner[row]
-    dt = file.t[row + 1] - file.t[row]
-    step = np.hypot(file.x[row + 1] - file.x[row], file.y[row + 1] - file.y[row])
-    v, after = file.speed[row], file.speed[row + 1]
-    upright = ~file.any(file.tilt > FALLEN)
-    steady = upright & ~file.any(lifted(file.least_load, file.t, file.first))
-    pieces = (
-        (dt <= 0.0, "times that do not increase"),
-        (dt > SAMPLING_LIMIT, f"rows more than {SAMPLING_LIMIT} s apart"),
-        (
-            step > JUMP_FACTOR * np.maximum(v, after) * dt + JUMP_SLACK,
-            "a jump that its speed does not explain",
-        ),
-        (
-            (np.abs(after - v) > GRIP_FACTOR * limits.grip * dt + GRIP_SLACK) & steady[owner],
-            "a change of speed that no floor gives",
-        ),
-    )
-    found = [
-        f"{name_of(file, int(owner[i]))} has {words}, {file.t[row[i]]:.3f} s after its instant"
-        for wrong, words in pieces
-        for i in np.flatnonzero(wrong)[:1].tolist()
-    ]
-    way, told = file.total(step), file.total(0.5 * (v + after) * dt)
-    late = np.flatnonzero(file.t[file.first[:-1]] != 0.0)
-    strange = np.flatnonzero((np.abs(way - told) > WAY_SHARE * told + WAY_SLACK) & upright)
-    found += [f"{name_of(file, i)} does not begin at its instant" for i in late[:1].tolist()]
-    found += [
-        f"{name_of(file, i)} drives {way[i]:.3f} m at speeds that make {told[i]:.3f} m"
-        for i in strange[:1].tolist()
-    ]
-    return found
+def _still(t: float) -> str:
+    """How far a stop has come, in words; `t` [s] since its instant."""
+    return "begins" if t == 0.0 else f"is, {t:.3f} s after its instant and before the brakes act,"

@@ -3,7 +3,8 @@
 The speed changes by what brakes and floor give. That is allowed over any stretch of rows together, so that it
 does not matter how many rows there are. While the brakes act:
 
-* They give at most a_b, whether their wheels roll or are locked (`BRAKE_FACTOR`).
+* They give at most a_b, whether their wheels roll or are locked (`BRAKE_FACTOR`), and what the energy of
+  turning takes: at the curvature kappa it is m v^2 / 2 (1 + k^2 kappa^2) in all, k^2 = (l^2 + w^2) / 12.
 * A wheel that creeps or slides over the floor at the speed s loses, as friction is at most m mu g in all,
   the power m mu g s at most, which slows a vehicle of speed v by mu g s / v.
 * Together no more than the floor gives, mu g (`FLOOR_FACTOR`).
@@ -24,10 +25,8 @@ from verify.judge.wheels import FALLEN, UNLOADED, slid
 
 Array = NDArray[np.float64]
 
-LEAST_APART = (
-    1e-3  # [s], between rows but for a stop's last: the simulation's own are 5 ms apart or more
-)
-BRAKE_FACTOR = 1.05  # of a_b: a torque acts on wheels that spin and tyres that creep; measured: 1.005
+LEAST_APART = 1e-3  # [s], between rows but for a stop's last: the simulation's own are 5 ms apart or more
+BRAKE_FACTOR = 1.05  # of a_b: a torque acts on wheels that spin and tyres that creep; measured: below 1.01
 FLOOR_FACTOR = 1.2  # of mu g: what a contact pushes while a body pitches is not as steady
 # Once in a stop. Sampled speeds are good to well below a millimetre a second; the first may be as far off as
 # it may be off the run.
@@ -39,11 +38,13 @@ JOLT = 0.15  # [m/s]
 WAY_SHARE = 0.03
 WAY_SLACK = 5e-3  # [m]
 # Wheels that are straightened turn the vehicle less than wheels that are held. That shows where they stand at
-# an angle for as long as an order takes to be heard, and the way driven with it is long enough.
+# an angle for as long as an order takes to be heard, and the way driven with it is long enough. Steering that
+# takes the part r of a stop to be straight leaves r - r^2 / 3 of the turn (the speed falls evenly, the angle
+# too): 0.42 where that happens in half of its time, that is, before the whole way is driven at full speed.
 STEERED = 0.05  # [rad]
 ORDER_TIME = 0.1  # [s]
 TELLING_WAY = 0.5  # [m]
-STRAIGHTENING = 0.25  # of the way, within which the wheels are straight: else slow steering hides it
+SLOW_TURN = 0.1  # [m/s]: slower, rows say nothing of how sharply a vehicle turns
 LESS = 0.9  # of the held one's heading change, at most that of the straightened one
 
 
@@ -100,15 +101,21 @@ def _allowed(file: StopsFile, run_end: float, limits: Limits) -> Array:
     is compared with that, and here only held to what the floor gives.
     """
     row = file.inner
+    owner = file.owner[row]
     dt = np.maximum(file.t[row + 1] - file.t[row], 0.0)
     tracked = np.clip(limits.reaction_time - file.t[row], 0.0, dt)
-    brakes = limits.braking * (dt - tracked) + max(limits.braking, limits.acceleration) * tracked
+    bend = np.abs(file.heading[row + 1] - file.heading[row])
+    bend /= np.maximum(np.hypot(*(file.points[row + 1] - file.points[row]).T), SLOW_TURN * dt + 1e-9)
+    sharpest = np.zeros(len(file))
+    np.maximum.at(sharpest, owner, np.minimum(bend, limits.curvature))
+    turning = 1.0 + (limits.wheelbase**2 + limits.track**2) / 12.0 * sharpest[owner] ** 2
+    brakes = limits.braking * turning * (dt - tracked) + max(limits.braking, limits.acceleration) * tracked
     slip = np.maximum(file.slip[row], file.slip[row + 1])
     fastest = np.maximum(file.speed[row], file.speed[row + 1])
     share = np.divide(slip, fastest, out=np.ones_like(slip), where=fastest > slip)
     floor = FLOOR_FACTOR * limits.grip * dt
     on_the_run = (file.t[row + 1] <= limits.reaction_time) & (
-        file.instant[file.owner[row]] + file.t[row + 1] <= run_end
+        file.instant[owner] + file.t[row + 1] <= run_end
     )
     given = np.where(on_the_run, floor, BRAKE_FACTOR * brakes + limits.grip * share * dt)
     return np.asarray(np.minimum(given, floor))
@@ -137,8 +144,8 @@ def _too_much(file: StopsFile, allowed: Array) -> NDArray[np.bool_]:
 def unheard_orders(file: StopsFile, record: Record, limits: Limits) -> list[str]:
     """Instants at which the wheels stood at an angle and both stops turn alike, in words.
 
-    A stop that slides is led by its momentum, not by its wheels: nothing is asked of it. A reaction time is
-    over before the wheels are told anything.
+    A stop that slides is led by its momentum, not by its wheels: of it no more is asked than that both are
+    not the same. A reaction time is over before the wheels are told anything.
     """
     if record.steering is None:
         return ["of a run whose record does not say how the wheels stood (column steering)"]
@@ -148,16 +155,19 @@ def unheard_orders(file: StopsFile, record: Record, limits: Limits) -> list[str]
     acting = file.t >= limits.reaction_time
     row = file.inner
     step = np.hypot(file.x[row + 1] - file.x[row], file.y[row + 1] - file.y[row])
-    way = file.total(step * acting[row])
-    start = np.minimum(file.first[:-1] + file.total(1.0 * ~acting[row]).astype(np.int64), file.first[1:] - 1)
+    way = file.total(np.where(acting[row], step, 0.0))
+    waiting = file.total((~acting[row]).astype(np.float64))
+    start = np.minimum(file.first[:-1] + waiting.astype(np.int64), file.first[1:] - 1)
     turned = np.abs(file.heading[file.first[1:] - 1] - file.heading[start])
     loose = file.any(slid(file.slip, file.t, file.first) | (file.tilt > FALLEN))
     slow = file.speed[start] * np.repeat(angle, 2) / limits.steering_rate
-    fine = (way > TELLING_WAY) & ~loose & (slow <= STRAIGHTENING * way)
-    asked = (angle > STEERED) & (told + ORDER_TIME <= record.t[-1]) & fine.reshape(-1, 2).all(axis=1)
-    alike = np.flatnonzero(asked & (turned[1::2] > LESS * turned[::2]))
+    fine = ((way > TELLING_WAY) & (slow <= way)).reshape(-1, 2).all(axis=1)
+    asked = fine & (angle > STEERED) & (told + ORDER_TIME <= record.t[-1])
+    held, straightened = turned[::2], turned[1::2]
+    led = ~loose.reshape(-1, 2).any(axis=1)
+    alike = np.flatnonzero(asked & ((led & (straightened > LESS * held)) | (straightened == held)))
     return [
-        f"{file.name_of(2 * i + 1)} turns by {turned[2 * i + 1]:.3f} rad, the one with the steering held by "
-        f"{turned[2 * i]:.3f} rad, where the wheels stood at {angle[i]:.3f} rad"
+        f"{file.name_of(2 * i + 1)} turns by {straightened[i]:.3f} rad, the one with the steering held by "
+        f"{held[i]:.3f} rad, where the wheels stood at {angle[i]:.3f} rad"
         for i in alike[:1].tolist()
     ]

@@ -12,9 +12,9 @@ from verify.judge.continuous import CONTACT, Need, least_margin
 from verify.judge.finding import Check, Place
 from verify.judge.following import follow
 from verify.judge.geometry import Surroundings
-from verify.judge.limits import Limits
+from verify.judge.limits import GRAVITY, Limits
 from verify.judge.motion import Motion
-from verify.judge.wheels import FALLEN, TIPPING, lifted
+from verify.judge.wheels import FALLEN, TIPPING, UNLOADED, lifted
 
 Array = NDArray[np.float64]
 
@@ -35,6 +35,11 @@ GOAL_LIMIT = 0.10  # [m], closest approach to the goal
 ARRIVAL_BAND = 1e-5  # [m] from the end counts as arrived: braking at 1 m/s^2 ends 5 ms later
 REST = 1e-9  # [m/s]: a plan that ends no faster ends at rest
 SAMPLING_LIMIT = 0.1  # [s] between samples; coarser records say too little about the run
+# Over a run the floor carries the weight, exactly but for the vertical motion at its ends; contacts chatter.
+LOAD_SHARE = 0.1  # of m g
+# A tall body sways from bend to bend and takes the weight off a side for 2 % of its run. One that has
+# two wheels in the air again and again, each time for less than `TIPPING`, is not one that drives.
+AIR_SHARE = 0.2  # of the time
 JUMP_SLACK = 5e-3  # [m], by which a sample may lie further than its speeds explain (side slip, integration)
 JUMP_FACTOR = 1.5  # times the greater speed of both samples: side slip adds to the forward speed
 
@@ -47,16 +52,18 @@ class Wheels:
     tilt: Array  # (n,) [rad], of the body's axis from the plumb line
     mode: Array  # (n,) 0 tracks, 1 emergency stop, 2 stopped, 3 fallen
 
-    @property
-    def least_side(self) -> Array:
-        """(n,) least load of a side or an axle, over half of what all wheels carry on average.
+    def least_side(self, weight: float) -> Array:
+        """(n,) least load of a side or an axle, over half the `weight` [N].
 
         At 0 the robot tips. A single wheel may be without load before: four on a plane are one too many.
         """
         pairs = np.array([[0, 2], [1, 3], [0, 1], [2, 3]])  # left, right, front, rear
-        half = 0.5 * self.loads.sum(axis=1).mean()
-        least = self.loads[:, pairs].sum(axis=2).min(axis=1)
-        return np.asarray(least / half if half > 0.0 else least)
+        return np.asarray(self.loads[:, pairs].sum(axis=2).min(axis=1) / (0.5 * weight))
+
+    @property
+    def fallen(self) -> NDArray[np.bool_]:
+        """(n,) rows at which the vehicle has fallen."""
+        return np.asarray((self.mode >= FELL) | (np.abs(self.tilt) > FALLEN))
 
 
 @dataclass(frozen=True)
@@ -70,11 +77,19 @@ class Record:
     v: Array  # (n,) [m/s]
     lateral_acceleration: Array | None = None  # (n,) [m/s^2], of the body; without it no wheel is judged
     wheels: Wheels | None = None  # of the four-wheel model
+    steering: Array | None = None  # (n,) [rad], of the mean front wheel
 
     @property
     def vehicle(self) -> str:
         """The model that such a record is of."""
         return "single_track" if self.wheels is None else "four_wheel"
+
+    @property
+    def fell_at(self) -> float | None:
+        """When the vehicle fell [s]; None where it did not."""
+        if self.wheels is None or not self.wheels.fallen.any():
+            return None
+        return float(self.t[np.argmax(self.wheels.fallen)])
 
 
 @dataclass(frozen=True)
@@ -200,16 +215,30 @@ def _off_the_floor(record: Record, vehicle: str, limits: Limits) -> list[tuple[b
     if record.vehicle != vehicle:
         return [(True, 0, f"a run of the model {record.vehicle}, where {vehicle} was to drive")]
     if record.wheels is not None:
-        airborne = lifted(record.wheels.least_side, record.t, np.array([0, len(record.t)]), TIPPING)
-        fallen = (record.wheels.mode >= FELL) | (np.abs(record.wheels.tilt) > FALLEN)
+        weight = limits.mass * GRAVITY
+        whole, fallen = np.array([0, len(record.t)]), record.wheels.fallen
+        least = record.wheels.least_side(weight)
+        airborne = lifted(least, record.t, whole, TIPPING)
         up = f"two wheels were in the air for {TIPPING} s or longer"
+        share = _mean((least <= UNLOADED).astype(float), record.t)
+        often = f"two wheels were in the air for {share:.0%} of the run, {AIR_SHARE:.0%} is allowed"
+        # a vehicle that has fallen does not stand on its wheels
+        carried = weight if fallen.any() else _mean(record.wheels.loads.sum(axis=1), record.t)
+        heavy = f"wheels that carry {carried:.1f} N on average, where the robot weighs {weight:.1f} N"
         return [
             (bool(airborne.any()), int(np.argmax(airborne)), up),
+            (share > AIR_SHARE, int(np.argmax(least <= UNLOADED)), often),
             (bool(fallen.any()), int(np.argmax(fallen)), "the vehicle fell"),
+            (abs(carried - weight) > LOAD_SHARE * weight, 0, heavy),
         ]
     sway = np.zeros(1) if record.lateral_acceleration is None else np.abs(record.lateral_acceleration)
     most = int(np.argmax(sway))
     return [(bool(sway[most] > limits.tip), most, f"inner wheels lifted at {sway[most]:.3f} m/s^2")]
+
+
+def _mean(values: Array, t: Array) -> float:
+    """Of sampled values over time."""
+    return float(np.trapezoid(values, t) / (t[-1] - t[0]))
 
 
 def record_from_columns(columns: dict[str, Array]) -> Record:
@@ -219,4 +248,5 @@ def record_from_columns(columns: dict[str, Array]) -> Record:
         loads = np.column_stack([columns[name] for name in LOAD_COLUMNS])
         wheels = Wheels(loads=loads, tilt=columns["tilt"], mode=columns["mode"])
     t, x, y, heading, v, sway = (columns[name] for name in RECORD_COLUMNS)
-    return Record(t, x, y, heading, v, lateral_acceleration=sway, wheels=wheels)
+    steering = columns.get("steering")
+    return Record(t, x, y, heading, v, lateral_acceleration=sway, wheels=wheels, steering=steering)

@@ -87,6 +87,8 @@ def read_evidence(folder: Path) -> Evidence:
         name = next((name for name in EXECUTED if name in plans), "")
         executed = plans.get(name)
     stops, reason = read_stop_paths(folder)
+    if stops is not None and not len(stops):
+        stops, reason = None, f"{STOPS} holds no stop"
     if reason:
         reasons[STOPS] = reason
     return Evidence(
