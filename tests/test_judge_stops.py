@@ -359,7 +359,7 @@ def test_more_stops_than_asked_for_are_refused_too():
 
 def test_a_wheel_that_comes_down_jolts_once():
     # 0.1 m/s less in one row and more in the next: of a vehicle on its wheels no evidence, of one that
-    # pitches within 0.15 m/s. 0.2 m/s less are too much, however many rows say that a wheel was in the air.
+    # pitches within 0.16 m/s. 0.2 m/s less are too much, however many rows say that a wheel was in the air.
     def dip(by: float):
         return lambda v: v - by * (np.arange(len(v)) == 25)
 

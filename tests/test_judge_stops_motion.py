@@ -17,13 +17,25 @@ TOO_FAST = "a change of speed that neither brakes nor floor give"
 
 @pytest.mark.parametrize("times", [1.1, 2.0, 4.0, 8.0, 11.0])
 def test_brakes_stronger_than_those_claimed_are_no_evidence(times):
-    # 1.05 of a_b and 0.01 m/s are allowed: at 1.1 of it that is passed 0.2 s after the instant of a stop.
+    # 1.05 of a_b, 0.01 m/s and, as 5 % of an axle's load are shifted, 0.0075 m/s are allowed: at 1.1 of it
+    # that is passed 0.35 s after the instant of a stop.
     assert TOO_FAST in refusal(case.stop_arrays(braking=times))
 
 
 def test_brakes_within_what_contacts_add_are_evidence():
     # 1.055 a_b for 1 / 1.055 s: 0.005 / 1.055 m/s beyond 1.05 a_b, below 0.01 m/s
     assert figures(case.stop_arrays(braking=1.055))["bad"] == 0
+
+
+@pytest.mark.parametrize(("height", "refused"), [(0.12, True), (1.0, False)])
+def test_a_tall_body_pitches_as_it_brakes(height, refused):
+    # 2 h a_b / (g l) = 0.049 at 0.12 m and 0.41 at 1 m: 0.017 and 0.071 m/s to spare; 1.1 a_b takes
+    # 0.05 / 1.1 = 0.045 m/s.
+    arrays, tall = case.stop_arrays(braking=1.1), {"robot": {"com_height": height, "wheelbase": 0.5}}
+    if refused:
+        assert TOO_FAST in refusal(arrays, **tall)
+    else:
+        assert judged(arrays, **tall).refused == ()
 
 
 def test_slack_is_granted_once_and_not_by_the_row():
