@@ -128,7 +128,7 @@ def test_the_answer_and_the_key_figures_tell_of_stops_and_margin(case):
         "(drive and brakes as strong as that takes)." in lead
     )
     assert "Bad emergency stops 0 of 24" in words
-    assert "Grip in hand 2.31 times the speed until it slides, with drive and brakes to match; not a" in words
+    assert "Grip in hand 2.31 × the speed, until it slides, with drive and brakes to match; not a" in words
     assert "braking zone and emergency stops are examined at the planned speed only" in words
 
 

@@ -315,12 +315,11 @@ def key_figures(result: Result, evidence: Evidence) -> list[KeyFigure]:
 def _grip(result: Result, factor: float) -> KeyFigure:
     """The margin of the run; a speed that could be driven safely it is not."""
     end = plain(words(mapping(mapping(result, "simulation"), "margin").get("ended_by")))
-    end = "comes too late" if end == "late" else end
     until = (
         "the most that was tried" if end.startswith("nothing") else f"until it {end}" if end else "at most"
     )
-    note = f"{until}, with drive and brakes to match; not a safe speed"
-    return KeyFigure("Grip in hand", f"{significant(factor)} times the speed", note)
+    note = f"the speed, {until}, with drive and brakes to match; not a safe speed"
+    return KeyFigure("Grip in hand", f"{significant(factor)} ×", note)
 
 
 def stops_figure(result: Result) -> str:
