@@ -106,7 +106,9 @@ def show_replay(stages: Stages, folder: Path) -> None:
 
 
 def closest_stops(problem: Problem, stops: StopRecords) -> list[NDArray[np.float64]]:
-    """Paths (k, 2) [m] of the stops that come closest to something, in order."""
+    """Paths (k, 2) [m] of the stops that come closest to something, in order; none without stops."""
+    if len(stops.instant) == 0:
+        return []
     clearance = problem.clearance(stops.rows[:, 1:3])
     least = np.minimum.reduceat(clearance, stops.first[:-1])
     return [stops.rows[stops.first[i] : stops.first[i + 1], 1:3] for i in np.argsort(least)[:SHOWN].tolist()]
