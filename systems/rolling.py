@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from systems.schedule import Demand, Samples, moving_average, paced, shrinking_average
+from systems.single_track import gyration_squared
 from vnav_drake.plan import Trajectory
 from vnav_drake.robot import GRAVITY, Robot
 
@@ -50,7 +51,7 @@ def rolling_demand(
     friction = robot.friction_acceleration if slowing else math.inf
     samples = _gentle(paced(trajectory, friction, period), swing, period)
     width = max(SHORTEST_SMOOTHING, swing)
-    base, gyration = 0.5 * robot.wheelbase, (robot.wheelbase**2 + robot.track**2) / 12.0
+    base, gyration = 0.5 * robot.wheelbase, gyration_squared(robot)
     while True:
         kappa = moving_average(samples.curvature, max(round(0.5 * width / period), 1))
         beta = _body_angle(samples.speed, kappa, base, period)
@@ -137,7 +138,7 @@ def _wheel_force(
     The front axle's share of the lateral force, half of v^2 kappa and k^2 r'/(2 b) for turning the body, acts
     across the turned wheel: sin(delta) of it pulls backwards.
     """
-    base, gyration = 0.5 * robot.wheelbase, (robot.wheelbase**2 + robot.track**2) / 12.0
+    base, gyration = 0.5 * robot.wheelbase, gyration_squared(robot)
     forward = a * np.cos(beta) - v * v * kappa * np.sin(beta)
     left = a * np.sin(beta) + v * v * kappa * np.cos(beta)
     front = 0.5 * (left + gyration * np.gradient(yaw_rate, period) / base)  # of the axle, in the body's frame

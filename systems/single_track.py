@@ -26,6 +26,12 @@ class State(NamedTuple):
     yaw_rate: float  # [rad/s]
     steering: float  # [rad], of the front axle, left positive
 
+    @property
+    def speed(self) -> float:
+        """[m/s], negative when rolling backwards."""
+        size = math.hypot(self.longitudinal_velocity, self.lateral_velocity)
+        return math.copysign(size, self.longitudinal_velocity)
+
 
 class Forces(NamedTuple):
     """What acts on the body at one instant."""
@@ -58,6 +64,11 @@ class Motion(NamedTuple):
     front_load: float  # [N]
 
 
+def gyration_squared(robot: Robot) -> float:
+    """k^2 [m^2], yaw inertia over mass, of a box as long as the wheelbase and as wide as the track."""
+    return (robot.wheelbase**2 + robot.track**2) / 12.0
+
+
 @dataclass(frozen=True, kw_only=True)
 class Body:
     """Mass and axles of the vehicle: centre of mass midway, a uniform box on its wheels.
@@ -82,7 +93,7 @@ class Body:
             mass=robot.mass,
             half_base=0.5 * robot.wheelbase,
             com_height=robot.com_height,
-            gyration_squared=(robot.wheelbase**2 + robot.track**2) / 12.0,
+            gyration_squared=gyration_squared(robot),
             friction=robot.friction,
             min_force=-robot.mass * robot.max_braking,
             max_force=robot.mass * robot.max_acceleration,
@@ -180,13 +191,12 @@ class SingleTrackVehicle(LeafSystem):  # type: ignore[misc]
         state = State(*context.get_continuous_state_vector().CopyToVector().tolist())
         steering, force = self.get_input_port(0).Eval(context).tolist()
         forces = tyre_forces(self.body, state, force)
-        speed = math.hypot(state.longitudinal_velocity, state.lateral_velocity)
         output.SetFromVector(
             Motion(
                 state.x,
                 state.y,
                 state.heading,
-                math.copysign(speed, state.longitudinal_velocity),
+                state.speed,
                 state.longitudinal_velocity,
                 state.lateral_velocity,
                 state.yaw_rate,

@@ -227,8 +227,7 @@ class TrackingController(LeafSystem):  # type: ignore[misc]
 
     def _force(self, state: State, target: Target) -> float:
         body = self._body
-        speed = math.hypot(state.longitudinal_velocity, state.lateral_velocity)
-        speed = math.copysign(speed, state.longitudinal_velocity)
+        speed = state.speed
         if self._rest_end and target.ended and target.lag < AT_GOAL:
             force = -body.mass * STOPPING_GAIN * speed
         else:

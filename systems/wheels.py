@@ -11,7 +11,7 @@ from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import BasicVector, Context, InputPortIndex, LeafSystem
 
 from systems.four_wheel import WHEELS, FourWheel, WheelGeometry
-from systems.single_track import State
+from systems.single_track import State, gyration_squared
 from systems.supervisor import BRAKE_FRICTION, BRAKE_TIME, LEAST_BRAKING, Order
 from vnav_drake.robot import GRAVITY, Robot
 
@@ -101,7 +101,7 @@ class WheelCommands(LeafSystem):  # type: ignore[misc]
             whole = BRAKE_FRICTION * robot.friction * loads
             room = np.sqrt(np.maximum(whole**2 - side**2, (LEAST_BRAKING * whole) ** 2))
             # what slows the robot by a_b along its way, and its turning: m v^2 / 2 (1 + k^2 kappa^2)
-            turning = 1.0 + (robot.wheelbase**2 + robot.track**2) / 12.0 * order.bend**2
+            turning = 1.0 + gyration_squared(robot) * order.bend**2
             push = robot.mass * robot.max_braking * turning * loads / max(loads.sum(), 1e-9)
             # a brake slows its wheel, too, for which the floor need not push
             own = 0.25 * wheels.spin_mass * robot.max_braking
@@ -201,14 +201,13 @@ class Sensing(LeafSystem):  # type: ignore[misc]
         weight = vehicle.robot.mass * GRAVITY
         front, rear = loads[0] + loads[1], loads[2] + loads[3]
         left, right = loads[0] + loads[2], loads[1] + loads[3]
-        speed = math.hypot(state.longitudinal_velocity, state.lateral_velocity)
         braked = -1.0 if order.brake else 0.0
         output.SetFromVector(
             [
                 state.x,
                 state.y,
                 state.heading,
-                math.copysign(speed, state.longitudinal_velocity),
+                state.speed,
                 state.longitudinal_velocity,
                 state.lateral_velocity,
                 state.yaw_rate,
