@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from vnav_drake.braking import UniformBraking
 from vnav_drake.robot import Robot
 from vnav_drake.world import World
+from vnav_drake.zones.convex_zone import ConvexZone
 
 Array = NDArray[np.float64]
 
@@ -54,10 +55,32 @@ class Problem:
 
     world: World
     robot: Robot
-    braking: UniformBraking
+    braking: UniformBraking  # how far it needs to stop; where `zone` is None, in every direction
+    zone: ConvexZone | None = None  # what must be free where that depends on the heading; of the same law
     friction_reserve: bool = False  # keep full braking available while turning
     start: End
     goal: End
+
+    def isotropic(self) -> tuple[Problem, Literal["inner", "outer"]]:
+        """The problem that methods for uniform braking solve in place of this one.
+
+        Returns
+        -------
+        A problem without `zone`, and what its disc is to the zone: "inner", in it, so that nothing is slower
+        than with the zone; or "outer", around it, so that what is safe with the disc is safe with the zone.
+
+        Raises
+        ------
+        PlanningError : the zone has neither.
+        """
+        if self.zone is None:
+            return self, "inner"
+        inner, outer = self.zone.inner_law(), self.zone.outer_law()
+        if inner is not None:
+            return replace(self, braking=inner, zone=None), "inner"
+        if outer is not None:
+            return replace(self, braking=outer, zone=None), "outer"
+        raise PlanningError(f"the braking zone {self.zone.type_name!r} has no disc in it and none around it")
 
     def clearance(self, points: ArrayLike) -> Array:
         """Signed clearance d [m] of the robot's disc at points (..., 2) [m]; shape (...)."""

@@ -1,7 +1,7 @@
 """Braking zones as convex sets that turn with the robot and grow with its speed.
 
 A zone is what must be free of obstacles at a pose (x, y, theta) and a speed v, the robot's body in it. It is
-told by its support function h(angle, v): how far it reaches from the centre of the robot in a direction of the
+told by its support function h(angle, v): how far it reaches from the robot's centre in a direction of the
 body's frame, zero straight ahead. All else follows from h.
 """
 
@@ -53,11 +53,11 @@ class ConvexZone(ABC):
         return np.empty(0)
 
     def inner_law(self) -> UniformBraking | None:
-        """Uniform braking whose disc lies in the zone: with it nothing is slower. None where there is none."""
+        """Uniform braking whose disc lies in the zone: with it nothing is slower. None if there is none."""
         return None
 
     def outer_law(self) -> UniformBraking | None:
-        """Uniform braking whose disc holds the zone: what is safe with it is safe. None where there is none."""
+        """Uniform braking whose disc holds the zone: what is safe with it is safe. None if there is none."""
         return None
 
     def with_law(self, law: UniformBraking) -> Self:
@@ -79,8 +79,8 @@ class ConvexZone(ABC):
 class GaugeZone(ConvexZone):
     """D(v) E (+) body: a convex shape E, as long as the stopping distance D(v), around the body.
 
-    E holds 0 and the point (1, 0), so that a straight stop stays in the zone, and the zone only shrinks on the
-    way (docs/braking_zones.md). Subclasses give `shape`, the support function of E.
+    E holds 0 and the point (1, 0), so that a straight stop stays in the zone, and the zone only shrinks on
+    the way (docs/braking_zones.md). Subclasses give `shape`, the support function of E.
     """
 
     @abstractmethod
@@ -120,7 +120,7 @@ class GaugeZone(ConvexZone):
     def _scaled(self, share: float, body: float) -> UniformBraking:
         """The law whose disc has the radius body + share D(v)."""
         law = self.law
-        if isinstance(self, GaugeZone) and share == 1.0 and body <= self.radius + law.margin:
+        if share == 1.0 and body <= self.radius + law.margin:
             return law
         return UniformBraking(
             max_braking=law.max_braking / share,

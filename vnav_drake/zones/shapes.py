@@ -48,7 +48,9 @@ class EllipseZone(GaugeZone):
         if not 0.0 < self.lateral_ratio < math.inf:
             raise ValueError(f"lateral_ratio = {self.lateral_ratio!r}: must be positive and finite")
         if not 1.0 <= self.ahead < math.inf:
-            raise ValueError(f"ahead = {self.ahead!r}: must be 1 or more, so that the zone holds a straight stop")
+            raise ValueError(
+                f"ahead = {self.ahead!r}: must be 1 or more, so that the zone holds a straight stop"
+            )
         if self.behind is not None and not 0.0 <= self.behind <= self.ahead:
             raise ValueError(f"behind = {self.behind!r}: must be between 0 and ahead = {self.ahead:g}")
 
@@ -158,5 +160,3 @@ class PolygonZone(GaugeZone):
     def kinks(self) -> Array:
         edge = np.roll(self._ring, -1, axis=0) - self._ring
         return np.arctan2(-edge[:, 0], edge[:, 1])
-
-

@@ -131,7 +131,9 @@ def _slope_zero(zone: ConvexZone, x: Array, y: Array, low: Array, high: Array, s
     angle, side = 0.5 * (low + high), np.zeros(len(low))
     for _ in range(STEPS):
         bracketed = (at_low > 0.0) & (at_high < 0.0)
-        angle = np.where(bracketed, high - at_high * (high - low) / np.where(bracketed, at_high - at_low, 1.0), angle)
+        angle = np.where(
+            bracketed, high - at_high * (high - low) / np.where(bracketed, at_high - at_low, 1.0), angle
+        )
         angle = np.clip(angle, low, high)
         here = slope(angle)
         rises = here > 0.0
