@@ -101,12 +101,20 @@ class GaugeZone(ConvexZone):
 
     @cached_property
     def extent(self) -> float:
-        """Radius of a disc around the centre that holds E: E lies within its tangents at even angles."""
-        return float(self.shape(_EVEN)[0].max()) / math.cos(math.pi / ANGLES)
+        """Radius of a disc around the centre that holds E."""
+        return self.measured_extent()
 
     @cached_property
     def inscribed(self) -> float:
-        """Radius of a disc around the centre that lies in E; h changes by at most `extent` a radian."""
+        """Radius of a disc around the centre that lies in E."""
+        return self.measured_inscribed()
+
+    def measured_extent(self) -> float:
+        """An upper bound of the true radius: E lies within its tangents at even angles."""
+        return float(self.shape(_EVEN)[0].max()) / math.cos(math.pi / ANGLES)
+
+    def measured_inscribed(self) -> float:
+        """A lower bound of the true radius: h changes by at most `extent` a radian."""
         return max(0.0, float(self.shape(_EVEN)[0].min()) - self.extent * math.pi / ANGLES)
 
     def inner_law(self) -> UniformBraking | None:

@@ -28,7 +28,13 @@ class DiscZone(GaugeZone):
     def shape(self, angle: Array) -> tuple[Array, Array]:
         return np.ones_like(angle), np.zeros_like(angle)
 
-    extent = inscribed = 1.0  # type: ignore[assignment]
+    @cached_property
+    def extent(self) -> float:
+        return 1.0
+
+    @cached_property
+    def inscribed(self) -> float:
+        return 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,12 +78,12 @@ class EllipseZone(GaugeZone):
         return self.lateral_ratio == self.ahead == 1.0 and self.centre == 0.0
 
     @cached_property
-    def extent(self) -> float:  # type: ignore[override]
-        return max(self.ahead, self.lateral_ratio) if self.centre == 0.0 else GaugeZone.extent.func(self)
+    def extent(self) -> float:
+        return max(self.ahead, self.lateral_ratio) if self.centre == 0.0 else self.measured_extent()
 
     @cached_property
-    def inscribed(self) -> float:  # type: ignore[override]
-        return min(self.ahead, self.lateral_ratio) if self.centre == 0.0 else GaugeZone.inscribed.func(self)
+    def inscribed(self) -> float:
+        return min(self.ahead, self.lateral_ratio) if self.centre == 0.0 else self.measured_inscribed()
 
 
 @dataclass(frozen=True, kw_only=True)

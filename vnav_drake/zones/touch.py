@@ -1,8 +1,8 @@
 """Where a zone and convex obstacles come closest: the direction that separates them best, and by how much.
 
 For a unit vector n in the body's frame, min over the obstacle's corners of n.p less h(n) is how far the line
-n.p = h(n), which touches the zone, stays clear of the obstacle. The greatest over n is their distance, or minus
-the least shift that would part them. **Any n gives a valid lower bound**: no search needs to be trusted.
+n.p = h(n), which touches the zone, stays clear of the obstacle. The greatest over n is their distance, or
+minus the least shift that would part them. **Any n gives a valid lower bound**: no search needs to be trusted.
 
 As a function of the angle of n it satisfies f + f'' <= 0 (h is a support function, the rest a minimum of
 cosines), so f is concave wherever it is positive, and its slope there falls through zero once.
@@ -131,10 +131,8 @@ def _slope_zero(zone: ConvexZone, x: Array, y: Array, low: Array, high: Array, s
     angle, side = 0.5 * (low + high), np.zeros(len(low))
     for _ in range(STEPS):
         bracketed = (at_low > 0.0) & (at_high < 0.0)
-        angle = np.where(
-            bracketed, high - at_high * (high - low) / np.where(bracketed, at_high - at_low, 1.0), angle
-        )
-        angle = np.clip(angle, low, high)
+        secant = high - at_high * (high - low) / np.where(bracketed, at_high - at_low, 1.0)
+        angle = np.clip(np.where(bracketed, secant, 0.5 * (low + high)), low, high)
         here = slope(angle)
         rises = here > 0.0
         at_high = np.where(rises & (side > 0), 0.5 * at_high, at_high)
