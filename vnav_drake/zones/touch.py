@@ -2,7 +2,7 @@
 
 For a unit vector n in the body's frame, min over the obstacle's corners of n.p less h(n) is how far the line
 n.p = h(n), which touches the zone, stays clear of the obstacle. The greatest over n is their distance, or
-minus the least shift that would part them. **Any n gives a valid lower bound**: no search needs to be trusted.
+minus the least shift that would part them. **Any n gives a valid lower bound**: no search needs trust.
 
 As a function of the angle of n it satisfies f + f'' <= 0 (h is a support function, the rest a minimum of
 cosines), so f is concave wherever it is positive, and its slope there falls through zero once.
@@ -11,6 +11,7 @@ cosines), so f is concave wherever it is positive, and its slope there falls thr
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,11 +21,11 @@ from vnav_drake.zones.convex_zone import ConvexZone, GaugeZone
 
 Array = NDArray[np.float64]
 
-GRID = 32  # directions of the first look
-STEPS = 40  # of the search for the slope's zero, at most
-ANGLE = 1e-12  # [rad], of the search
+GRID = 24  # directions of the first look, besides those of edges, kinks and the nearest point
+STEPS = 40  # of the search for the slope's zero, at most; ten or so are usual
+ANGLE = 1e-10  # [rad], of the search
+SAME = 1e-8  # [rad], between looks; at half of this from the best one its value is good to 1e-16
 LONGEST = 1e9  # [m]: a longer stopping distance is none at all
-NEWTON = 60  # steps of the search for the greatest stopping distance, at most; five or so are usual
 
 
 @dataclass(frozen=True)
@@ -44,25 +45,17 @@ def separation(zone: ConvexZone, corners: Array, speed: Array) -> Touch:
     corners : (n, k, 2) [m], of convex obstacles in the frame of the body, in order, repeats allowed.
     speed : (n,) [m/s].
     """
-    x, y = corners[..., 0], corners[..., 1]
     speed = speed[:, None]
-    even = np.linspace(-math.pi, math.pi, GRID, endpoint=False)
-    grid = np.sort(np.concatenate([even, _principal(zone.kinks)]))
-    first = _values(zone, x, y, np.broadcast_to(grid, (len(x), len(grid))), speed)
-    best = np.argmax(first, axis=1)
-    start = grid[best]
-    low = start - (2.0 * math.pi / GRID)
-    high = start + (2.0 * math.pi / GRID)
-    smooth = _slope_zero(zone, x, y, low, high, speed)
-    edge = np.roll(corners, -1, axis=1) - corners
-    normals = np.arctan2(edge[..., 0], -edge[..., 1])  # inwards: from the robot to the obstacle
-    angle = np.concatenate([smooth[:, None], start[:, None], normals, normals + math.pi], axis=1)
-    value = _values(zone, x, y, angle, speed)
-    top = np.argmax(value, axis=1)[:, None]
-    angle = np.take_along_axis(angle, top, axis=1)
-    nearest = np.argmin(x * np.cos(angle) + y * np.sin(angle), axis=1)
-    gap = np.take_along_axis(value, top, axis=1)[:, 0]
-    return Touch(gap, angle[:, 0], corners[np.arange(len(x)), nearest])
+
+    def gap(angle: Array) -> Array:
+        return np.asarray(_least(corners, angle)[0] - zone.support(angle, speed)[0])
+
+    def slope(angle: Array) -> Array:
+        return np.asarray(_least(corners, angle)[1] - zone.support(angle, speed)[1])
+
+    angle, value = _greatest(zone, corners, gap, slope)
+    nearest = np.argmin(np.einsum("nkj,nj->nk", corners, _unit(angle)), axis=1)
+    return Touch(value, angle, corners[np.arange(len(corners)), nearest])
 
 
 def stopping_room(zone: GaugeZone, corners: Array) -> tuple[Array, Array]:
@@ -79,73 +72,105 @@ def stopping_room(zone: GaugeZone, corners: Array) -> tuple[Array, Array]:
 
     Notes
     -----
-    Newton's method: the gap is a convex, falling function of the stopping distance (a maximum of straight
-    lines), so each step stays on the safe side, and the steps converge quadratically.
+    The greatest over n of (min n.p - h_body(n)) / h_E(n), a concave function over a convex one, both
+    homogeneous: as a function of the angle it rises, then falls, wherever it is positive.
     """
-    law = zone.law
-    room = np.zeros(len(corners))
-    angle = np.zeros(len(corners))
-    active = np.arange(len(corners))
-    for _ in range(NEWTON):
-        touch = separation(zone, corners[active], _speed_of(zone, room[active]))
-        angle[active] = touch.angle
-        shape, _ = zone.shape(touch.angle)
-        with np.errstate(divide="ignore"):
-            step = np.where(touch.gap > 0.0, touch.gap / np.maximum(shape, 0.0), 0.0)
-        room[active] += step
-        endless = room[active] > LONGEST
-        room[active[endless]] = math.inf
-        going = ~endless & (step > 4.0 * np.finfo(float).eps * (law.margin + zone.radius + room[active]))
-        active = active[going]
-        if len(active) == 0:
-            break
-    return room, angle
 
+    def parts(angle: Array) -> tuple[Array, Array, Array, Array]:
+        near, near_slope = _least(corners, angle)
+        body, body_slope = zone.body(angle)
+        shape, shape_slope = zone.shape(angle)
+        return near - body, near_slope - body_slope, shape, shape_slope
 
-def _speed_of(zone: GaugeZone, room: Array) -> Array:
-    """The speed [m/s] whose stopping distance is `room` [m], whatever the greatest speed is."""
-    a_b, lag = zone.law.max_braking, zone.law.max_braking * zone.law.reaction_time
-    root = np.sqrt(lag * lag + 2.0 * a_b * room)
-    return np.asarray(root if lag == 0.0 else 2.0 * a_b * room / (lag + root))
-
-
-def _values(zone: ConvexZone, x: Array, y: Array, angle: Array, speed: Array) -> Array:
-    """Gap [m] in directions (n, m) of obstacles with corners (n, k)."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    least = x[:, :1] * cos + y[:, :1] * sin
-    for k in range(1, x.shape[1]):
-        np.minimum(least, x[:, k : k + 1] * cos + y[:, k : k + 1] * sin, out=least)
-    return np.asarray(least - zone.support(angle, speed)[0])
-
-
-def _slope_zero(zone: ConvexZone, x: Array, y: Array, low: Array, high: Array, speed: Array) -> Array:
-    """Angle (n,) in brackets where the gap's slope changes from rising to falling (Illinois method)."""
+    def room(angle: Array) -> Array:
+        free, _, shape, _ = parts(angle)
+        far = free / np.maximum(shape, 1.0 / LONGEST)
+        return np.where(free > 0.0, far, free)  # what does not fit is below what does
 
     def slope(angle: Array) -> Array:
-        cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
-        nearest = np.argmin(x * cos + y * sin, axis=1)[:, None]
-        rise = np.take_along_axis(y * cos - x * sin, nearest, axis=1)
-        return np.asarray((rise - zone.support(angle[:, None], speed)[1])[:, 0])
+        free, free_slope, shape, shape_slope = parts(angle)
+        return np.where(free > 0.0, free_slope * shape - free * shape_slope, free_slope)
 
-    at_low, at_high = slope(low), slope(high)
+    angle, value = _greatest(zone, corners, room, slope)
+    return np.where(value >= 1e-6 * LONGEST, math.inf, np.maximum(value, 0.0)), angle
+
+
+def _greatest(
+    zone: ConvexZone,
+    corners: Array,
+    value: Callable[[Array], Array],
+    slope: Callable[[Array], Array],
+) -> tuple[Array, Array]:
+    """Where a function of the angle, (n, m) to (n, m), is greatest, (n,), and how great it is, (n,).
+
+    Looked at in directions that must not be missed; then the slope's zero between the neighbours of the
+    best one.
+    """
+    fixed = np.concatenate([np.linspace(-math.pi, math.pi, GRID, endpoint=False), zone.kinks])
+    looks = np.concatenate([np.broadcast_to(fixed, (len(corners), len(fixed))), _directions(corners)], axis=1)
+    looks = np.remainder(looks + math.pi, 2.0 * math.pi) - math.pi
+    seen = value(looks)
+    rows, best = np.arange(len(corners)), np.argmax(seen, axis=1)
+    angle, most = looks[rows, best], seen[rows, best]
+    away = np.remainder(looks - angle[:, None], 2.0 * math.pi)
+    away[(away < SAME) | (away > 2.0 * math.pi - SAME)] = math.nan  # looks may repeat
+    low, high = angle - 2.0 * math.pi + np.nanmax(away, axis=1), angle + np.nanmin(away, axis=1)
+    beside = slope(np.stack([angle - SAME, angle + SAME], axis=1))
+    on_kink = (beside[:, 0] > 0.0) & (beside[:, 1] < 0.0)  # nothing is left to find
+    low = np.where(on_kink | (beside[:, 1] > 0.0), angle, low)
+    high = np.where(on_kink | (beside[:, 1] <= 0.0), angle, high)
+    found = _slope_zero(slope, low, high)
+    there = value(found[:, None])[:, 0]
+    return np.where(there > most, found, angle), np.maximum(there, most)
+
+
+def _least(corners: Array, angle: Array) -> tuple[Array, Array]:
+    """min over corners (n, k, 2) of n.p for directions (n, m), and its slope; (n, m) each."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y = corners[:, 0, :1], corners[:, 0, 1:]
+    least, across = x * cos + y * sin, y * cos - x * sin
+    for k in range(1, corners.shape[1]):
+        x, y = corners[:, k, :1], corners[:, k, 1:]
+        along = x * cos + y * sin
+        nearer = along < least
+        least = np.where(nearer, along, least)
+        across = np.where(nearer, y * cos - x * sin, across)
+    return least, across
+
+
+def _directions(corners: Array) -> Array:
+    """Directions (n, 2 k) [rad] that may part an obstacle: its edges' normals, its nearest points."""
+    edge = np.roll(corners, -1, axis=1) - corners
+    square = np.einsum("nkj,nkj->nk", edge, edge)
+    share = -np.einsum("nkj,nkj->nk", corners, edge) / np.where(square > 0.0, square, 1.0)
+    foot = corners + np.clip(share, 0.0, 1.0)[..., None] * edge
+    normal = np.arctan2(edge[..., 0], -edge[..., 1])  # inwards, from the robot to an anticlockwise polygon
+    return np.concatenate([normal, np.arctan2(foot[..., 1], foot[..., 0])], axis=1)
+
+
+def _slope_zero(slope: Callable[[Array], Array], low: Array, high: Array) -> Array:
+    """Angle (n,) in brackets where the slope changes from positive to negative (Illinois method).
+
+    Dowell and Jarratt 1971. Where the slope jumps it closes in on the jump.
+    """
+    at_low, at_high = slope(low[:, None])[:, 0], slope(high[:, None])[:, 0]
     angle, side = 0.5 * (low + high), np.zeros(len(low))
     for _ in range(STEPS):
         bracketed = (at_low > 0.0) & (at_high < 0.0)
         secant = high - at_high * (high - low) / np.where(bracketed, at_high - at_low, 1.0)
-        angle = np.clip(np.where(bracketed, secant, 0.5 * (low + high)), low, high)
-        here = slope(angle)
+        new = np.clip(np.where(bracketed, secant, 0.5 * (low + high)), low, high)
+        here = slope(new[:, None])[:, 0]
         rises = here > 0.0
         at_high = np.where(rises & (side > 0), 0.5 * at_high, at_high)
         at_low = np.where(~rises & (side < 0), 0.5 * at_low, at_low)
-        moved = np.where(rises, angle - low, high - angle)
-        low, at_low = np.where(rises, angle, low), np.where(rises, here, at_low)
-        high, at_high = np.where(rises, high, angle), np.where(rises, at_high, here)
+        low, at_low = np.where(rises, new, low), np.where(rises, here, at_low)
+        high, at_high = np.where(rises, high, new), np.where(rises, at_high, here)
         side = np.where(rises, 1.0, -1.0)
-        if np.all(np.minimum(moved, high - low) < ANGLE):
+        moved, angle = np.abs(new - angle), new
+        if np.all((moved < ANGLE) | (high - low < ANGLE)):
             break
     return angle
 
 
-def _principal(angle: Array) -> Array:
-    """Angles from -pi to pi."""
-    return np.asarray(np.remainder(angle + math.pi, 2.0 * math.pi) - math.pi)
+def _unit(angle: Array) -> Array:
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
