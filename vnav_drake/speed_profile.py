@@ -12,6 +12,7 @@ tangential and lateral limits are extreme at a row's ends exactly.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -19,6 +20,9 @@ from numpy.typing import NDArray
 
 from vnav_drake.plan import Model, Path, Trajectory
 from vnav_drake.problem import PlanningError, Problem
+from vnav_drake.zones.convex_zone import GaugeZone
+from vnav_drake.zones.held_arc import TurnLimit
+from vnav_drake.zones.rows import RowLimits, row_limits
 
 Array = NDArray[np.float64]
 
@@ -30,6 +34,7 @@ SHORTEST_ROW = 2e-4  # [m]
 KINK_TOLERANCE = 1e-9  # [rad]: a smaller jump of the heading is rounding
 ROUNDING = 1e-12  # [m], far below what the slow-down of the whole profile gives back
 REPAIR_ROUNDS = 20  # of the reaction-time term; two are usual
+STRAIGHT = 1e9  # [m], a stopping distance beyond any
 
 
 def fastest_profile(
@@ -70,16 +75,25 @@ def fastest_profile(
     clearance = distance - problem.robot.radius
     sag = row_sag(distance, rows.piece_length, rows.curvature)
     held = np.inf if at_most is None else _held(rows, path, at_most)
-    needed = _at_nodes(sag)
+    if problem.zone is None:
+        limits: RowLimits = _DiscRows(problem, clearance, sag)
+        needed = _at_nodes(sag)
+    else:
+        limits = row_limits(problem, problem.zone, rows)
+        needed = np.zeros(len(clearance))
     for _ in range(REPAIR_ROUNDS):
-        limit = np.square(np.minimum(problem.braking.speed(clearance - needed), held))
+        limit = np.square(np.minimum(limits.speed(needed), held))
         square = _speed_squares(problem, rows, limit, model, ends)
-        excess = _reaction_excess(problem, square, clearance, sag)
+        excess = limits.lacking(square)
         if np.all(excess <= ROUNDING):
             break
-        needed = needed + 1.5 * _at_nodes(excess)
+        needed = needed + 1.5 * _at_nodes(np.maximum(excess, 0.0))
     else:
-        raise PlanningError("no speed profile meets the reaction time between the rows of the path")
+        worst = int(np.argmax(excess))
+        raise PlanningError(
+            f"no speed profile keeps the braking zone free between the rows of the path: at "
+            f"({rows.x[worst]:.3f}, {rows.y[worst]:.3f}) m it lacks {excess[worst]:.2e} m"
+        )
     stuck = np.flatnonzero((square[1:] == 0.0) & (square[:-1] == 0.0))  # never both ends: FEWEST_ROWS
     if len(stuck) > 0:
         x, y = points[stuck[0]]
@@ -154,7 +168,7 @@ def _speed_squares(problem: Problem, rows: Path, limit: Array, model: Model, end
         bend = _at_nodes(np.abs(rows.curvature))
         bound = np.full_like(limit, math.inf)
         np.divide(problem.lateral_limit, bend, out=bound, where=bend > 0.0)
-        square = _two_passes(problem, rows, np.minimum(limit, bound))
+        square = _two_passes(problem, rows, np.minimum(np.minimum(limit, bound), _held_arcs(problem, bend)))
         _require_end_speeds(problem, square)
         return square
     if ends == "problem":
@@ -202,18 +216,41 @@ def _reachable(square: float, step: float, bend: float, drive: float, grip: floa
     return (square + math.sqrt(max(root, 0.0))) / (1.0 + turn)
 
 
-def _reaction_excess(problem: Problem, square: Array, clearance: Array, sag: Array) -> Array:
-    """How much [m] each row still lacks: v t_r bulges above its chord, as v^2 is linear. (n,)
+def _held_arcs(problem: Problem, bend: Array) -> Array:
+    """Greatest v^2 (n,) at which the held arc of curvature `bend` stays in the zone, with the reserve."""
+    if not problem.friction_reserve or not isinstance(problem.zone, GaugeZone):
+        return np.full_like(bend, math.inf)
+    limit = TurnLimit.of(problem.zone)
+    if limit is None:
+        return np.full_like(bend, math.inf)
+    law = problem.zone.law
+    return np.asarray(np.square(law.speed(np.minimum(limit.stopping_distance(bend), STRAIGHT) + law.margin)))
 
-    The square root lies above its chord by at most (v_1 - v_0)^2 / (4 (v_0 + v_1)).
-    """
-    v = np.sqrt(square)
-    spare = clearance - problem.braking.distance(v)
-    total = v[1:] + v[:-1]
-    bulge = np.diff(v) ** 2 / (4.0 * np.where(total > 0.0, total, 1.0))
-    # spare is itself a chord; both ends have it, so the lesser bounds the row
-    lacking = problem.braking.reaction_time * bulge + sag - np.minimum(spare[1:], spare[:-1])
-    return np.where(problem.braking.reaction_time * bulge > 0.0, lacking, 0.0)
+
+@dataclass(frozen=True)
+class _DiscRows:
+    """Rows under uniform braking."""
+
+    problem: Problem
+    clearance: Array  # (n + 1,) [m]
+    sag: Array  # (n,) [m]
+
+    def speed(self, needed: Array) -> Array:
+        return self.problem.braking.speed(self.clearance - needed)
+
+    def lacking(self, square: Array) -> Array:
+        """The reaction time: v t_r bulges above its chord, as v^2 is linear.
+
+        The square root lies above its chord by at most (v_1 - v_0)^2 / (4 (v_0 + v_1)).
+        """
+        law = self.problem.braking
+        v = np.sqrt(square)
+        spare = self.clearance - law.distance(v)
+        total = v[1:] + v[:-1]
+        bulge = np.diff(v) ** 2 / (4.0 * np.where(total > 0.0, total, 1.0))
+        # spare is itself a chord; both ends have it, so the lesser bounds the row
+        lacking = law.reaction_time * bulge + self.sag - np.minimum(spare[1:], spare[:-1])
+        return np.where(law.reaction_time * bulge > 0.0, lacking, 0.0)
 
 
 def _trajectory(rows: Path, v: Array, clearance: Array) -> Trajectory:

@@ -16,6 +16,13 @@ from pydrake.solvers import CommonSolverOption, MathematicalProgram, SnoptSolver
 from vnav_drake.collocation.blocks import Block, Layout, clearance_block, drive_block, travel_time
 from vnav_drake.collocation.mesh import Mesh
 from vnav_drake.collocation.transcription import Arcs, Transcription
+from vnav_drake.collocation.zone_blocks import (
+    held_arc_block,
+    held_arc_limit,
+    near_pairs,
+    planned_zone,
+    zone_block,
+)
 from vnav_drake.convex import ConvexPieces
 from vnav_drake.plan import Model
 from vnav_drake.problem import PlanningError, Problem
@@ -165,15 +172,27 @@ def _bounds(
 def _blocks(
     problem: Problem, guess: Mesh, layout: Layout, pieces: ConvexPieces, model: Model, reach: float
 ) -> list[Block]:
-    clearance = np.maximum(problem.world.distance(guess.points), 0.0)
-    knot, piece = pieces.near(guess.points, clearance + reach)
     blocks = []
     if model == "full":
-        blocks += [drive_block(layout, problem, guess.shares, run) for run in _runs(layout.intervals)]
+        arcs = held_arc_limit(problem)
+        for run in _runs(layout.intervals):
+            blocks.append(drive_block(layout, problem, guess.shares, run))
+            if arcs is not None:
+                blocks.append(held_arc_block(layout, problem, arcs, guess.shares, run))
+    zone = None if problem.zone is None else planned_zone(problem.zone)
+    if zone is None:
+        clearance = np.maximum(problem.world.distance(guess.points), 0.0)
+        knot, piece = pieces.near(guess.points, clearance + reach)
+    else:
+        knot, piece = near_pairs(zone, pieces, guess, reach)
     for run in _runs(layout.knots):
         mine = (knot >= run[0]) & (knot <= run[-1])
-        if np.any(mine):
+        if not np.any(mine):
+            continue
+        if zone is None:
             blocks.append(clearance_block(layout, problem, pieces, knot[mine], piece[mine]))
+        else:
+            blocks.append(zone_block(layout, zone, pieces, knot[mine], piece[mine]))
     return blocks
 
 

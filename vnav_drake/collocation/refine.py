@@ -17,6 +17,7 @@ from vnav_drake.convex import ConvexPieces
 from vnav_drake.plan import Model, Path, Trajectory
 from vnav_drake.problem import PlanningError, Problem
 from vnav_drake.speed_profile import fastest_profile
+from vnav_drake.zones.speed import least_gap
 
 Array = NDArray[np.float64]
 
@@ -179,7 +180,11 @@ def split_counts(mesh: Mesh, trajectory: Trajectory, most: int) -> NDArray[np.in
 def between_knots(problem: Problem, mesh: Mesh, samples: int = 8) -> Array:
     """(n,) [m], how much clearance each interval of the program's own motion lacks at most, sampled."""
     fine = mesh.split(np.full(mesh.intervals, samples))
-    lack = problem.braking.distance(fine.v) - problem.clearance(fine.points)
+    if problem.zone is None:
+        lack = problem.braking.distance(fine.v) - problem.clearance(fine.points)
+    else:
+        poses = np.column_stack([fine.points, fine.theta])
+        lack = -least_gap(problem.zone, problem.world, poses, fine.v)
     inner = lack[:-1].reshape(mesh.intervals, samples)
     return np.maximum(inner.max(axis=1), 0.0)
 

@@ -14,6 +14,7 @@ from vnav_drake.collocation.program import LEAST_SPEED
 from vnav_drake.plan import Path
 from vnav_drake.problem import Problem
 from vnav_drake.speed_profile import KINK_TOLERANCE
+from vnav_drake.zones.speed import safe_speed
 
 Array = NDArray[np.float64]
 
@@ -112,5 +113,9 @@ def _knots(problem: Problem, path: Path, intervals: int) -> Array:
 
 
 def _with_speed(problem: Problem, mesh: Mesh) -> Mesh:
-    speed = np.maximum(SEED_SPEED * problem.safe_speed(mesh.points), LEAST_SPEED)
+    if problem.zone is None:
+        fastest = problem.safe_speed(mesh.points)
+    else:
+        fastest = safe_speed(problem.zone, problem.world, np.column_stack([mesh.points, mesh.theta]))
+    speed = np.maximum(SEED_SPEED * fastest, LEAST_SPEED)
     return Mesh(mesh.shares, mesh.x, mesh.y, mesh.theta, speed, mesh.length)

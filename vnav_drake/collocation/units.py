@@ -6,14 +6,18 @@ import math
 from dataclasses import replace
 
 from vnav_drake.problem import End, Problem
+from vnav_drake.zones.convex_zone import GaugeZone
 
 
 def unit_braking(problem: Problem) -> tuple[Problem, float]:
     """The same problem with a_b = 1 m/s^2, and the length [s] of its unit of time.
 
     With t = tau t', tau = 1/sqrt(a_b), lengths stay, speeds divide by sqrt(a_b), accelerations by a_b:
-    every limit keeps its place, so paths agree and travel times scale with tau.
+    every limit keeps its place, so paths agree and travel times scale with tau. A zone that is no gauge keeps
+    its units.
     """
+    if not (problem.zone is None or isinstance(problem.zone, GaugeZone)):
+        return problem, 1.0  # it may know speeds of its own
     a_b = problem.braking.max_braking
     root = math.sqrt(a_b)
     robot, law = problem.robot, problem.braking
@@ -30,7 +34,11 @@ def unit_braking(problem: Problem) -> tuple[Problem, float]:
         law, max_braking=1.0, reaction_time=law.reaction_time * root, max_speed=law.max_speed / root
     )
     start, goal = _scaled(problem.start, root), _scaled(problem.goal, root)
-    return replace(problem, robot=scaled_robot, braking=scaled_law, start=start, goal=goal), 1.0 / root
+    zone = None if problem.zone is None else problem.zone.with_law(scaled_law)
+    return (
+        replace(problem, robot=scaled_robot, braking=scaled_law, zone=zone, start=start, goal=goal),
+        1.0 / root,
+    )
 
 
 def _scaled(end: End, root: float) -> End:

@@ -95,6 +95,20 @@ def stopping_room(zone: GaugeZone, corners: Array) -> tuple[Array, Array]:
     return np.where(value >= 1e-6 * LONGEST, math.inf, np.maximum(value, 0.0)), angle
 
 
+def outside_shape(zone: GaugeZone, points: Array) -> tuple[Array, Array]:
+    """How far points (n, 2) lie outside E, in units of the stopping distance, and in which direction (n,)."""
+    corners = points[:, None, :]
+
+    def gap(angle: Array) -> Array:
+        return np.asarray(_least(corners, angle)[0] - zone.shape(angle)[0])
+
+    def slope(angle: Array) -> Array:
+        return np.asarray(_least(corners, angle)[1] - zone.shape(angle)[1])
+
+    angle, value = _greatest(zone, corners, gap, slope)
+    return value, angle
+
+
 def _greatest(
     zone: ConvexZone,
     corners: Array,
@@ -174,3 +188,10 @@ def _slope_zero(slope: Callable[[Array], Array], low: Array, high: Array) -> Arr
 
 def _unit(angle: Array) -> Array:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def into_body(corners: Array, x: Array, y: Array, heading: Array) -> Array:
+    """Points (m, k, 2) [m] of the world in the frames of bodies at x, y, heading (m,)."""
+    dx, dy = corners[..., 0] - x[:, None], corners[..., 1] - y[:, None]
+    cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
+    return np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=-1)
