@@ -1,10 +1,10 @@
 """Which speeds should a few switched fields have, so that a route loses little time, and what does it lose?
 
 Along a route the base zone allows a speed V(s). Fields of the speeds c_1 < c_2 < ... allow the greatest c
-that is not above V(s), as zones are nested in speed. Where that is below the planned speed v(s), the way ds takes
-ds (1/c - 1/v) longer. The speeds that make the sum least follow by dynamic programming over speeds that V(s)
-takes: raising a c to the next of them changes no field of any place and loses less. Ramps between the cases
-are not in the sum; `drive_fields` gives the true motion, with them and all limits of the robot.
+that is not above V(s), as zones are nested in speed. Where that is below the planned speed v(s), the way ds
+takes ds (1/c - 1/v) longer. The speeds that make the sum least follow by dynamic programming over speeds that
+V(s) takes: raising a c to the next of them changes no field of any place and loses less. Ramps between the
+cases are not in the sum; `drive_fields` gives the true motion, with them and all limits of the robot.
 """
 
 from __future__ import annotations
