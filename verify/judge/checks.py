@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from verify.judge.arithmetic import check_arithmetic, turn_errors
 from verify.judge.continuous import CONTACT, LeastMargin, Need, least_margin
+from verify.judge.features import Features
 from verify.judge.finding import VIOLATION_TOLERANCE, Check, Place, finding
 from verify.judge.geometry import Surroundings
 from verify.judge.limits import Limits
 from verify.judge.motion import Motion
+from verify.judge.zones import AskedZone, asked_zone, least_separation
 
 Array = NDArray[np.float64]
 
@@ -60,15 +62,25 @@ class Setting:
 
     limits: Limits
     surroundings: Surroundings
+    features: Features  # what stands in the way, side by side
+    zone: AskedZone | None  # what must be free where that depends on the heading; None: a disc
     start: Any  # the scenario's raw start: position [m], speed [m/s or a word], heading [rad or None]
     goal: Any
 
     @classmethod
     def from_spec(cls, spec: Any) -> Setting:
-        """From a parsed scenario's raw numbers (`Scenario.spec`)."""
+        """From a parsed scenario's raw numbers (`Scenario.spec`).
+
+        Raises
+        ------
+        ZoneError : as from `asked_zone`.
+        """
+        limits = Limits.from_spec(spec)
         return cls(
-            limits=Limits.from_spec(spec),
+            limits=limits,
             surroundings=Surroundings.from_spec(spec.world),
+            features=Features.from_spec(spec.world),
+            zone=asked_zone(spec, limits),
             start=spec.start,
             goal=spec.goal,
         )
@@ -141,6 +153,9 @@ def _clearance(motion: Motion, setting: Setting) -> Check:
 
 
 def _braking_distance(motion: Motion, setting: Setting) -> Check:
+    if setting.zone is not None:
+        least = least_separation(motion, setting.features.table, setting.zone.zone)
+        return _margin_finding("braking_distance", least, "between the braking zone and obstacles, at least")
     limits = setting.limits
     need = Need(
         constant=limits.radius + limits.margin,

@@ -79,8 +79,8 @@ def least_margin(motion: Motion, distance: Callable[[Array], Array], need: Need)
         lower = nearest - need.at(np.maximum(v_begin, v_end))
         clear = nearest > 0.0
         bend = 1.0 / np.where(clear, nearest, 1.0) + np.abs(motion.curvature[row])
-        smooth = _parabola_minimum(margin_begin, margin_end, bend, length)
-        smooth -= need.linear * _root_excess(v_begin, v_end)
+        smooth = parabola_minimum(margin_begin, margin_end, bend, length)
+        smooth -= need.linear * root_excess(v_begin, v_end)
         lower = np.where(clear, np.maximum(lower, smooth), lower)
         lower = np.where(length > 0.0, lower, np.minimum(margin_begin, margin_end))
         resolution = RESOLUTION if best > -RESOLUTION / COARSE else COARSE * -best
@@ -104,7 +104,7 @@ def least_margin(motion: Motion, distance: Callable[[Array], Array], need: Need)
     return LeastMargin(proven=min(proven, best), attained=best, t=t, x=float(x), y=float(y))
 
 
-def _parabola_minimum(begin: Array, end: Array, bend: Array, length: Array) -> Array:
+def parabola_minimum(begin: Array, end: Array, bend: Array, length: Array) -> Array:
     """Least value over 0 <= s <= h of begin + (end - begin) s/h - bend s (h - s)/2."""
     sag = bend * length * length
     rise = end - begin
@@ -113,7 +113,7 @@ def _parabola_minimum(begin: Array, end: Array, bend: Array, length: Array) -> A
     return np.where(inside, vertex, np.minimum(begin, end))
 
 
-def _root_excess(begin: Array, end: Array) -> Array:
+def root_excess(begin: Array, end: Array) -> Array:
     """Greatest excess of the speed over the straight line between its end values along a piece [m/s]."""
     total = begin + end
     return np.divide((end - begin) ** 2, 4.0 * total, out=np.zeros_like(total), where=total > 0.0)

@@ -15,6 +15,7 @@ from verify.evidence import EvidenceError
 from verify.judge.checks import Setting
 from verify.judge.features import Features
 from verify.judge.limits import GRAVITY
+from verify.judge.zones import ZoneError
 from vnav_drake.scenario_faults import validate_spec
 from vnav_drake.scenario_file import ScenarioError, read_document
 
@@ -60,11 +61,15 @@ class Question:
     name: str
     sha256: str  # of the file, hexadecimal
     setting: Setting
-    features: Features  # what stands in the way, side by side
     drive: Drive
     gates: Mapping[str, float]  # all gates, defaults filled in
     named_gates: frozenset[str]  # those that the file names itself
     some_ways: bool  # plan.through asks for some ways only, which need not hold the fastest
+
+    @property
+    def features(self) -> Features:
+        """What stands in the way, side by side."""
+        return self.setting.features
 
 
 def read_question(data: bytes) -> Question:
@@ -90,11 +95,14 @@ def read_question(data: bytes) -> Question:
         wrong.append("simulation.model: a point robot has no four wheels")
     if wrong:
         raise EvidenceError(*(f"{evidence.SCENARIO}: {text}" for text in wrong))
+    try:
+        setting = Setting.from_spec(spec)
+    except ZoneError as error:
+        raise EvidenceError(f"{evidence.SCENARIO}: {error}") from error
     return Question(
         name=spec.name,
         sha256=evidence.sha256(data),
-        setting=Setting.from_spec(spec),
-        features=Features.from_spec(spec.world),
+        setting=setting,
         drive=Drive.from_spec(spec),
         gates={name: float(limit) for name, limit in spec.gates.model_dump().items()},
         named_gates=frozenset(spec.gates.model_fields_set),

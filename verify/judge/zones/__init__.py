@@ -1,0 +1,22 @@
+"""Braking zones as the judge sees them: what is asked for, its reach, its distance to obstacles.
+
+Own formulas and own geometry: of the planners' zones only those of plugins are used, whose functions nobody
+else has.
+"""
+
+from verify.judge.zones.asked import AskedZone, ZoneError, asked_zone
+from verify.judge.zones.separation import least_separation, separation
+from verify.judge.zones.shapes import Shape
+from verify.judge.zones.zone import FieldSet, GaugeZone, Zone
+
+__all__ = [
+    "AskedZone",
+    "FieldSet",
+    "GaugeZone",
+    "Shape",
+    "Zone",
+    "ZoneError",
+    "asked_zone",
+    "least_separation",
+    "separation",
+]
