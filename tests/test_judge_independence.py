@@ -10,7 +10,10 @@ from result_folder import copy_to
 
 ROOT = Path(__file__).resolve().parents[1]
 # What may be loaded of the planners' package: the way from a file's text to raw numbers.
-READING = {"vnav_drake", "vnav_drake.scenario_file", "vnav_drake.scenario_faults", "vnav_drake.scenario_spec"}
+READING = {
+    "vnav_drake",
+    *(f"vnav_drake.scenario_{part}" for part in ("file", "faults", "section", "spec", "zone")),
+}
 
 SCRIPT = """
 import sys

@@ -122,7 +122,7 @@ MALFORMED = [
     Bad("margin: 0.0", "margin: -1", "braking.margin = -1", "at least 0 [m]"),
     Bad("zone: uniform", "zone: disc", "braking.zone = 'disc'", "known: uniform"),
     Bad("zone: uniform", "zone: {type: disc}", "braking.zone = {'type': 'disc'}", "known: uniform"),
-    Bad("zone: uniform", "zone: {type: uniform, r: 1}", "braking.zone = ", "takes no parameters"),
+    Bad("zone: uniform", "zone: {type: uniform, r: 1}", "braking.zone.r = 1", "it takes none"),
     Bad(
         "friction_reserve: false",
         "friction_reserve: true",

@@ -49,6 +49,8 @@ def run(arguments: Sequence[str]) -> int:
 
 def _verify(arguments: Sequence[str]) -> int:
     options = _options(arguments)
+    if not _loaded(options.plugin):
+        return BAD_INPUT
     from verify.atomic import OutputError
     from verify.batch import run_files
 
@@ -79,6 +81,7 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--open", action="store_true", help="open each report in a browser")
     _add_gate(parser, f"override a gate's limit; gates: {', '.join(_gate_names())}")
+    _add_plugin(parser)
     parser.add_argument("--junit", type=Path, metavar="FILE", help="also write the gates as JUnit XML")
     loudness = parser.add_mutually_exclusive_group()
     loudness.add_argument("--quiet", action="store_true", help="print only what failed")
@@ -89,6 +92,16 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
 
 def _add_gate(parser: argparse.ArgumentParser, meaning: str) -> None:
     parser.add_argument("--gate", action="append", default=[], type=_gate, metavar="NAME=LIMIT", help=meaning)
+
+
+def _add_plugin(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--plugin",
+        action="append",
+        default=[],
+        metavar="MODULE",
+        help="import a module, such as my_package.zones, whose braking zones scenarios may then name",
+    )
 
 
 def _gate(text: str) -> tuple[str, float]:
@@ -114,6 +127,7 @@ def _check(arguments: Sequence[str]) -> int:
     )
     parser.add_argument("folder", type=Path, metavar="RESULT_DIR")
     _add_gate(parser, "judge with this limit, not the scenario's, nor that with which the result was made")
+    _add_plugin(parser)
     parser.add_argument(
         "--exact", action="store_true", help="check the lower bound's certificate in rational arithmetic"
     )
@@ -121,9 +135,27 @@ def _check(arguments: Sequence[str]) -> int:
     options = parser.parse_args(arguments)
     from verify.recheck import check_folder
 
+    if not _loaded(options.plugin):
+        return BAD_INPUT
     return check_folder(
         options.folder, overrides=dict(options.gate), quiet=options.quiet, exact=options.exact
     )
+
+
+def _loaded(modules: Sequence[str]) -> bool:
+    """Whether all plugins could be loaded; what was wrong is told."""
+    if not modules:
+        return True
+    from vnav_drake.zones.errors import PluginError
+    from vnav_drake.zones.plugins import load_plugin
+
+    try:
+        for module in modules:
+            load_plugin(module)
+    except PluginError as error:
+        _complain(str(error))
+        return False
+    return True
 
 
 def _schema(arguments: Sequence[str]) -> int:

@@ -4,7 +4,8 @@
     scenario.problem.safe_speed([[28.5, 1.9]])
 
 `scenario_file` reads text into data with line numbers, `scenario_spec` holds the keys, `scenario_checks`
-the rules that join them, `scenario_simulation` how the result is driven. `docs/scenario.md` is the reference.
+the rules that join them, `scenario_zone_checks` those of the braking zone, `scenario_simulation` how the
+result is driven. `docs/scenario.md` is the reference.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from vnav_drake.scenario_simulation import (
     vehicle_faults,
 )
 from vnav_drake.scenario_spec import EndSpec, ScenarioSpec, scenario_schema
+from vnav_drake.scenario_zone_checks import zone_of
 
 __all__ = [
     "DwaSettings",
@@ -115,15 +117,17 @@ def _build(data: bytes, where: str, source: Path | None) -> Scenario:
         max_speed=robot.max_speed,
     )
     world, faults = build_world(spec)
-    faults += robot_faults(spec) + vehicle_faults(spec)
-    if world is not None:
-        faults += end_faults(spec, world, braking) + duration_faults(spec, braking)
+    zone, fields, zone_faults = zone_of(spec, robot, braking)
+    faults += robot_faults(spec) + vehicle_faults(spec) + zone_faults
+    if world is not None and not zone_faults:
+        faults += end_faults(spec, world, braking, fields or zone) + duration_faults(spec, braking, zone)
     if world is None or faults:
         raise document.error(faults)
     problem = Problem(
         world=world,
         robot=robot,
         braking=braking,
+        zone=zone,
         friction_reserve=spec.braking.friction_reserve,
         start=_end(spec.start),
         goal=_end(spec.goal),

@@ -23,7 +23,9 @@ from vnav_drake.scenario_spec import (
     ScenarioSpec,
     WorldSpec,
 )
+from vnav_drake.scenario_zone_checks import zone_end_faults
 from vnav_drake.world import INSIDE_TOLERANCE, Obstacle, World, WorldError, circle_obstacle
+from vnav_drake.zones.convex_zone import ConvexZone
 
 SMALLEST_DETAIL = 1e-6  # [m]: outlines that come closer to themselves cannot be told from a degenerate one
 SAFE_SHARE = 1.0 - 1e-5  # of the safe speed, as a motion keeps a hair below it to be safe between its rows
@@ -270,19 +272,27 @@ def _circle(hall: shapely.Polygon, circle: CircleSpec, name: str) -> Obstacle:
     return Obstacle(tuple((x, y) for x, y in ring), name, whole.circle)
 
 
-def end_faults(spec: ScenarioSpec, world: World, braking: UniformBraking) -> list[Fault]:
+def end_faults(
+    spec: ScenarioSpec, world: World, braking: UniformBraking, zone: ConvexZone | None = None
+) -> list[Fault]:
     """Faults of start and goal: no floor, no clearance, a speed that cannot be braked, the same place."""
     outlines = _outlines(world)
-    faults = [
-        fault for name in ("start", "goal") for fault in _end_faults(name, spec, world, outlines, braking)
-    ]
+    faults = []
+    for name in ("start", "goal"):
+        found = _end_faults(name, spec, world, outlines, braking, zone)
+        faults += found or ([] if zone is None else zone_end_faults(name, spec, world, zone))
     if math.dist(spec.start.position, spec.goal.position) < SMALLEST_DETAIL:
         faults.append(Fault(("goal", "position"), "is the start's position; expected another place"))
     return faults
 
 
 def _end_faults(
-    name: str, spec: ScenarioSpec, world: World, outlines: Shapes, braking: UniformBraking
+    name: str,
+    spec: ScenarioSpec,
+    world: World,
+    outlines: Shapes,
+    braking: UniformBraking,
+    zone: ConvexZone | None,
 ) -> list[Fault]:
     end = spec.start if name == "start" else spec.goal
     place: KeyPath = (name, "position")
@@ -308,7 +318,7 @@ def _end_faults(
                 f"{braking.margin:g} m",
             )
         ]
-    return _speed_faults(name, spec, clearance, braking)
+    return _speed_faults(name, spec, clearance, braking, zone)
 
 
 def _outlines(world: World) -> Shapes:
@@ -317,7 +327,9 @@ def _outlines(world: World) -> Shapes:
     return np.array([*shapes, world.boundary.exterior], dtype=object)
 
 
-def _speed_faults(name: str, spec: ScenarioSpec, clearance: float, braking: UniformBraking) -> list[Fault]:
+def _speed_faults(
+    name: str, spec: ScenarioSpec, clearance: float, braking: UniformBraking, zone: ConvexZone | None
+) -> list[Fault]:
     speed = (spec.start if name == "start" else spec.goal).speed
     if isinstance(speed, str):
         return []
@@ -329,7 +341,7 @@ def _speed_faults(name: str, spec: ScenarioSpec, clearance: float, braking: Unif
             )
         ]
     safe = float(braking.speed(clearance)) * SAFE_SHARE
-    if speed > safe:
+    if zone is None and speed > safe:
         return [
             Fault(
                 (name, "speed"),

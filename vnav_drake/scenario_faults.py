@@ -11,7 +11,9 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from vnav_drake.scenario_file import Document, Fault, KeyPath, show_value
-from vnav_drake.scenario_spec import MAX_COORDINATE, ScenarioSpec, scenario_schema
+from vnav_drake.scenario_section import MAX_COORDINATE
+from vnav_drake.scenario_spec import ScenarioSpec, scenario_schema
+from vnav_drake.scenario_zone import SPECS, TAG, is_tag, untagged
 
 _OWN_TYPES = {"version", "text", "name", "speed", "zone", "methods", "shape", "weights", "step"}
 _MANY = 10_000  # faults beyond this are counted, not listed: each takes a kilobyte
@@ -54,22 +56,22 @@ def _beginning(data: object) -> object:
 
 def _follows(detail: ErrorDetails, document: Document) -> bool:
     """Whether a fault only follows from another: a value that was not read, a list short of its bad items."""
-    path: KeyPath = detail["loc"]
+    path = untagged(detail["loc"])
     if any(path[: i + 1] in document.unread for i in range(len(path))):
         return True
     return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
 
 
 def _fault(detail: ErrorDetails, schema: Mapping[str, Any]) -> Fault:
-    path: KeyPath = detail["loc"]
-    rule = _rule_at(schema, path)
+    place: KeyPath = detail["loc"]
+    path, rule = untagged(place), _rule_at(schema, place)
     if detail["type"] in _OWN_TYPES:
         return Fault(path, detail["msg"])
     if detail["type"] == "extra_forbidden":
-        return Fault(path, _unknown_key(path, schema))
+        return Fault(path, _unknown_key(place, schema))
     if detail["type"] == "missing":
         if path and isinstance(path[-1], int):
-            return Fault(path[:-1], f"must be {_kind(_rule_at(schema, path[:-1]))}")
+            return Fault(path[:-1], f"must be {_kind(_rule_at(schema, place[:-1]))}")
         return Fault(path, _sentence(f"is missing; expected {_kind(rule)}", rule))
     return Fault(path, _sentence(_expected(detail, rule), rule))
 
@@ -165,6 +167,10 @@ def _sentence(text: str, rule: Mapping[str, Any]) -> str:
 
 def _unknown_key(path: KeyPath, schema: Mapping[str, Any]) -> str:
     known = list(_rule_at(schema, path[:-1]).get("properties", {}))
+    if is_tag(path, len(path) - 2):
+        known.remove("type")
+        kind = str(path[-2]).removeprefix(TAG)
+        return f"unknown parameter of the zone {kind!r}; known: {', '.join(known) or 'it takes none'}"
     close = difflib.get_close_matches(str(path[-1])[:100].lower(), known, n=1)
     if close:
         return f"unknown key; did you mean {close[0]}?"
@@ -174,9 +180,11 @@ def _unknown_key(path: KeyPath, schema: Mapping[str, Any]) -> str:
 def _rule_at(schema: Mapping[str, Any], path: KeyPath) -> Mapping[str, Any]:
     """The part of the JSON Schema that speaks of a place in the file; empty where none does."""
     rule: Mapping[str, Any] = schema
-    for key in path:
+    for i, key in enumerate(path):
         rule = _resolve(rule, schema)
-        if isinstance(key, str):
+        if is_tag(path, i):
+            rule = schema["$defs"][SPECS[str(key)].__name__]
+        elif isinstance(key, str):
             rule = rule.get("properties", {}).get(key, {})
         elif "prefixItems" in rule:
             items = rule["prefixItems"]

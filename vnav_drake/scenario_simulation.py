@@ -12,6 +12,8 @@ from vnav_drake.braking import UniformBraking
 from vnav_drake.scenario_checks import rounded_down
 from vnav_drake.scenario_file import Fault
 from vnav_drake.scenario_spec import ScenarioSpec
+from vnav_drake.scenario_zone_checks import fastest_anywhere
+from vnav_drake.zones.convex_zone import ConvexZone
 
 STOPS, QUICK_STOPS = 200, 50  # instants of the emergency-stop audit unless the file says otherwise
 # Wheels sink in under the load, by a thousandth of the wheelbase: a centre of mass 250 wheelbases up, or
@@ -59,13 +61,17 @@ def vehicle_faults(spec: ScenarioSpec) -> list[Fault]:
     return [Fault(("robot", "com_height"), message)]
 
 
-def duration_faults(spec: ScenarioSpec, braking: UniformBraking) -> list[Fault]:
+def duration_faults(
+    spec: ScenarioSpec, braking: UniformBraking, zone: ConvexZone | None = None
+) -> list[Fault]:
     """A run or an audit that would be simulated for hours, however the robot drives in this world.
 
-    No clearance is more than half the narrower extent of the floor, no speed more than what is safe there.
+    No clearance is more than half the narrower extent of the floor, no speed more than what is safe there;
+    with a zone that reaches less far to the sides, than what can be stopped from on the longest way across.
     """
-    narrow = float(np.ptp(np.array(spec.world.boundary), axis=0).min())
-    speed = float(braking.speed(max(0.5 * narrow - spec.robot.radius, 0.0)))
+    extent = np.ptp(np.array(spec.world.boundary), axis=0)
+    room = max(0.5 * float(extent.min()) - spec.robot.radius, 0.0)
+    speed = fastest_anywhere(zone, braking, room, float(np.hypot(*extent)))
     if speed == 0.0:
         return []  # there is no room, which is another fault
     apart = math.dist(spec.start.position, spec.goal.position)

@@ -13,26 +13,25 @@ from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
     Strict,
     ValidationError,
     ValidationInfo,
-    WithJsonSchema,
     WrapValidator,
     field_validator,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
 
-MAX_COORDINATE = 1.0e5  # [m]: doubles lie 1.5e-11 m apart there, well below the 1e-9 m that unites obstacles
+from vnav_drake.scenario_section import MAX_COORDINATE, Point, Section, number
+from vnav_drake.scenario_zone import UniformSpec, Zone
+
 MAX_VERTICES = 100_000  # of the boundary and all obstacles together
 CIRCLE_SIDES = 96  # of the polygon around a circle
 METHODS = ("voronoi_route", "vc_method", "speed_graph", "dwa")
 MOST_TOKENS = 100  # gates that a class may be asked to cross
-ZONES = ("uniform",)
 RESERVED_NAMES = (
     "index",
     "con",
@@ -77,80 +76,26 @@ def _speed(value: Any, inner: Callable[[Any], Any]) -> Any:
         raise PydanticCustomError("speed", "must be safe, rest, or a speed from 0 to 1000 [m/s]") from error
 
 
-def _zone(value: Any) -> Any:
-    """`{type: uniform}` and `uniform` are the same."""
-    if isinstance(value, dict):
-        unknown = [key for key in value if key != "type"]
-        if unknown:
-            raise PydanticCustomError(
-                "zone", "the zone 'uniform' takes no parameters; expected {type: uniform}"
-            )
-        value = value.get("type")
-    if value not in ZONES:
-        raise PydanticCustomError("zone", f"unknown braking zone; known: {', '.join(ZONES)}")
-    return value
-
-
 def _distinct(methods: tuple[str, ...]) -> tuple[str, ...]:
     if len(set(methods)) < len(methods):
         raise PydanticCustomError("methods", "names a method twice; expected each once")
     return methods
 
 
-Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE, json_schema_extra={"unit": "m"})]
-# A YAML list where the model has a tuple: only the container is lenient, not the numbers in it.
-Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
 Speed = Annotated[Literal["safe", "rest"] | Annotated[float, Field(ge=0.0, le=1000.0)], WrapValidator(_speed)]
-Zone = Annotated[
-    Literal["uniform"],
-    BeforeValidator(_zone),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"enum": list(ZONES)},
-                {
-                    "type": "object",
-                    "properties": {"type": {"enum": list(ZONES)}},
-                    "required": ["type"],
-                    "additionalProperties": False,
-                },
-            ]
-        }
-    ),
-]
 Method = Literal["voronoi_route", "vc_method", "speed_graph", "dwa"]
 Weight = Annotated[float, Field(ge=0.0, le=1.0e6)]
 Token = Annotated[str, Field(min_length=1, max_length=250), AfterValidator(_one_line)]
 
 
-def _number(
-    text: str,
-    unit: str | None = None,
-    default: Any = ...,
-    *,
-    ge: float | None = None,
-    le: float | None = None,
-    lt: float | None = None,
-) -> Any:
-    """A number field with its description, unit and range."""
-    extra: dict[str, Any] = {} if unit is None else {"unit": unit}
-    return Field(default=default, description=text, json_schema_extra=extra, ge=ge, le=le, lt=lt)
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(
-        strict=True, extra="forbid", frozen=True, allow_inf_nan=False, hide_input_in_errors=True
-    )
-
-
-class CircleSpec(_Section):
+class CircleSpec(Section):
     """A disc on the floor."""
 
     center: Point = Field(description="Centre [x, y].", json_schema_extra={"unit": "m"})
-    radius: float = _number("Radius.", "m", ge=1.0e-3, le=MAX_COORDINATE)
+    radius: float = number("Radius.", "m", ge=1.0e-3, le=MAX_COORDINATE)
 
 
-class ObstacleSpec(_Section):
+class ObstacleSpec(Section):
     """Either vertices (one: a point, two: a wall segment, three or more: a polygon) or a circle."""
 
     model_config = ConfigDict(
@@ -176,7 +121,7 @@ class ObstacleSpec(_Section):
         return self
 
 
-class WorldSpec(_Section):
+class WorldSpec(Section):
     """The floor and what stands on it."""
 
     boundary: Annotated[tuple[Point, ...], Strict(False)] = Field(
@@ -189,34 +134,37 @@ class WorldSpec(_Section):
     )
 
 
-class RobotSpec(_Section):
+class RobotSpec(Section):
     """The robot's body and limits."""
 
-    radius: float = _number("Of the disc that contains the body; 0 for a point robot.", "m", ge=0.0, le=1.0e3)
-    mass: float = _number("Mass.", "kg", ge=1.0e-3, le=1.0e6)
-    wheelbase: float = _number("Distance between the axles.", "m", ge=1.0e-3, le=1.0e3)
-    track: float = _number("Distance between the left and right wheels.", "m", ge=1.0e-3, le=1.0e3)
-    com_height: float = _number("Height of the centre of mass above the floor.", "m", ge=0.0, le=1.0e3)
-    friction: float = _number(
+    radius: float = number("Of the disc that contains the body; 0 for a point robot.", "m", ge=0.0, le=1.0e3)
+    mass: float = number("Mass.", "kg", ge=1.0e-3, le=1.0e6)
+    wheelbase: float = number("Distance between the axles.", "m", ge=1.0e-3, le=1.0e3)
+    track: float = number("Distance between the left and right wheels.", "m", ge=1.0e-3, le=1.0e3)
+    com_height: float = number("Height of the centre of mass above the floor.", "m", ge=0.0, le=1.0e3)
+    friction: float = number(
         "mu, tyre on floor; mu g bounds braking and turning together.", ge=1.0e-6, le=100.0
     )
-    max_braking: float = _number("a_b, the greatest deceleration.", "m/s^2", ge=1.0e-6, le=1.0e3)
-    max_acceleration: float = _number("a_max, the greatest acceleration.", "m/s^2", ge=1.0e-6, le=1.0e3)
-    max_speed: float | None = _number("null: not limited.", "m/s", None, ge=1.0e-6, le=1.0e3)
-    max_steering: float = _number("Of the mean front wheel, below pi/2.", "rad", ge=1.0e-6, lt=math.pi / 2.0)
-    max_steering_rate: float | None = _number("null: not limited.", "rad/s", None, ge=1.0e-6, le=1.0e3)
+    max_braking: float = number("a_b, the greatest deceleration.", "m/s^2", ge=1.0e-6, le=1.0e3)
+    max_acceleration: float = number("a_max, the greatest acceleration.", "m/s^2", ge=1.0e-6, le=1.0e3)
+    max_speed: float | None = number("null: not limited.", "m/s", None, ge=1.0e-6, le=1.0e3)
+    max_steering: float = number("Of the mean front wheel, below pi/2.", "rad", ge=1.0e-6, lt=math.pi / 2.0)
+    max_steering_rate: float | None = number("null: not limited.", "rad/s", None, ge=1.0e-6, le=1.0e3)
 
 
-class BrakingSpec(_Section):
+class BrakingSpec(Section):
     """How the robot brakes: v t_r + v^2 / (2 a_b) + m must fit into the clearance."""
 
-    zone: Zone = Field(default="uniform", description="Shape of the braking zone.")
-    reaction_time: float = _number("t_r, before the brakes act.", "s", 0.0, ge=0.0, le=100.0)
-    margin: float = _number("m, kept free at standstill.", "m", 0.0, ge=0.0, le=1.0e3)
+    zone: Zone = Field(
+        default=UniformSpec(type="uniform"),
+        description="Shape of the braking zone: a type, or a mapping of type and parameters.",
+    )
+    reaction_time: float = number("t_r, before the brakes act.", "s", 0.0, ge=0.0, le=100.0)
+    margin: float = number("m, kept free at standstill.", "m", 0.0, ge=0.0, le=1.0e3)
     friction_reserve: bool = Field(default=False, description="Keep full braking available while turning.")
 
 
-class EndSpec(_Section):
+class EndSpec(Section):
     """Start or goal."""
 
     position: Point = Field(description="[x, y] of the robot's centre.", json_schema_extra={"unit": "m"})
@@ -225,12 +173,12 @@ class EndSpec(_Section):
         description="safe: any speed up to the braking limit; rest: zero; or a speed.",
         json_schema_extra={"unit": "m/s"},
     )
-    heading: float | None = _number(
+    heading: float | None = number(
         "From the x axis to the left; null: free.", "rad", None, ge=-100.0, le=100.0
     )
 
 
-class DwaSpec(_Section):
+class DwaSpec(Section):
     """The dynamic window approach."""
 
     weights: tuple[Weight, Weight, Weight] = Field(
@@ -238,8 +186,8 @@ class DwaSpec(_Section):
         description="Of heading, free way and speed in the objective; not all zero.",
         strict=False,
     )
-    window: float = _number("Time for which an arc and a speed are chosen.", "s", 1.0, ge=0.02, le=100.0)
-    step: float | None = _number(
+    window: float = number("Time for which an arc and a speed are chosen.", "s", 1.0, ge=0.02, le=100.0)
+    step: float | None = number(
         "Time after which it chooses again, at most the window; null: the default.", "s", None, ge=0.02
     )
 
@@ -261,7 +209,7 @@ class DwaSpec(_Section):
         return step
 
 
-class PlanSpec(_Section):
+class PlanSpec(Section):
     """What plans are made."""
 
     methods: Annotated[tuple[Method, ...], Strict(False), AfterValidator(_distinct)] = Field(
@@ -293,7 +241,7 @@ class PlanSpec(_Section):
         return through
 
 
-class SimulationSpec(_Section):
+class SimulationSpec(Section):
     """How the result is driven, and how often it is asked to stop."""
 
     model: Literal["single_track", "four_wheel", "both"] | None = Field(
@@ -311,20 +259,18 @@ class SimulationSpec(_Section):
     )
 
 
-class GatesSpec(_Section):
+class GatesSpec(Section):
     """Limits that the result must keep; exit code 1 otherwise."""
 
-    analytic_gap: float = _number("Speed graph against collocation of the same model.", None, 0.01, ge=0.0)
-    refinement_gap: float = _number("Full robot against the variational optimum.", None, 0.05, ge=0.0)
-    certified_gap: float = _number("Best upper against the global lower bound.", None, 0.03, ge=0.0)
-    constraint_violation: float = _number("Worst normalised violation.", None, 1.0e-6, ge=0.0)
-    braking_margin: float = _number(
-        "Least clearance minus braking distance, at least this.", "m", 0.0, ge=0.0
-    )
+    analytic_gap: float = number("Speed graph against collocation of the same model.", None, 0.01, ge=0.0)
+    refinement_gap: float = number("Full robot against the variational optimum.", None, 0.05, ge=0.0)
+    certified_gap: float = number("Best upper against the global lower bound.", None, 0.03, ge=0.0)
+    constraint_violation: float = number("Worst normalised violation.", None, 1.0e-6, ge=0.0)
+    braking_margin: float = number("Least clearance minus braking distance, at least this.", "m", 0.0, ge=0.0)
     emergency_stops: int = Field(default=0, ge=0, description="Simulated stops that may end badly.")
 
 
-class ScenarioSpec(_Section):
+class ScenarioSpec(Section):
     """A scenario file as written."""
 
     schema_version: Annotated[Literal[1], BeforeValidator(_version)] = Field(
