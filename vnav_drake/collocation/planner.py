@@ -9,7 +9,7 @@ from typing import Literal
 
 from vnav_drake.collocation.dubins import dubins_seeds
 from vnav_drake.collocation.mesh import Mesh
-from vnav_drake.collocation.refine import BUDGETS, Budget, refine
+from vnav_drake.collocation.refine import BUDGETS, ZONE_BUDGETS, Budget, refine
 from vnav_drake.collocation.seed import Seed, first_mesh
 from vnav_drake.collocation.units import unit_braking
 from vnav_drake.plan import Model, Path, Plan
@@ -88,7 +88,7 @@ def _plan(
     tries = [Seed(seeds)] if isinstance(seeds, Path) else list(seeds)
     if model == "full":
         tries += dubins_seeds(problem)
-    budget = BUDGETS[effort]
+    budget = (BUDGETS if problem.zone is None else ZONE_BUDGETS)[effort]
     scaled, unit = unit_braking(problem)
     guess, chosen, rows = _first_guess(scaled, tries, model, budget, unit, class_of)
     report = None if progress is None else _in_seconds(progress, unit)

@@ -11,20 +11,27 @@ from vnav_drake.collocation.blocks import Block, Layout
 from vnav_drake.collocation.mesh import Mesh
 from vnav_drake.convex import ConvexPieces
 from vnav_drake.problem import Problem
-from vnav_drake.zones.convex_zone import ConvexZone, GaugeZone
+from vnav_drake.zones.convex_zone import ConvexZone, GaugeZone, WidenedZone
 from vnav_drake.zones.held_arc import TurnLimit
 from vnav_drake.zones.touch import into_body, separation
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-PLAN_SPARE = 2e-3  # [m]: a zone that jumps where a path grazes it is planned with this much more all around
+# A zone in which no disc lies may be entered suddenly, and speeds jump there: it is planned with this much
+# more all around [m], and this share of the stopping distance. The speeds in the end are those of the zone.
+PLAN_SPARE, PLAN_SHARE = 2e-3, 0.02
 SWING = 0.3  # share of its length by which a zone may swing aside before it is looked at anew
 
 
 def planned_zone(zone: ConvexZone) -> ConvexZone:
-    """The zone as the program sees it: a little wider where no disc lies in it, as speeds may jump there."""
-    return zone if zone.inner_law() is not None else replace(zone, radius=zone.radius + PLAN_SPARE)
+    """The zone as the program sees it: a little wider where no disc lies in it."""
+    if zone.inner_law() is not None:
+        return zone
+    wider = replace(zone, radius=zone.radius + PLAN_SPARE)
+    if not isinstance(wider, GaugeZone):
+        return wider
+    return WidenedZone(law=wider.law, radius=wider.radius, of=wider, share=PLAN_SHARE)
 
 
 def near_pairs(zone: ConvexZone, pieces: ConvexPieces, guess: Mesh, reach: float) -> tuple[Index, Index]:

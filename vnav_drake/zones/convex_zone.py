@@ -138,4 +138,23 @@ class GaugeZone(ConvexZone):
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class WidenedZone(GaugeZone):
+    """Another zone with E grown by a disc of `share`, which evens out jumps of the speed."""
+
+    of: GaugeZone
+    share: float
+
+    def shape(self, angle: Array) -> tuple[Array, Array]:
+        shape, slope = self.of.shape(angle)
+        return shape + self.share, slope
+
+    def body(self, angle: Array) -> tuple[Array, Array]:
+        return self.of.body(angle)
+
+    @property
+    def kinks(self) -> Array:
+        return self.of.kinks
+
+
 _EVEN = np.linspace(-math.pi, math.pi, ANGLES, endpoint=False)
