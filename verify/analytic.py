@@ -85,23 +85,27 @@ def run_speed_graph(
     gates: Gates,
     settings: PlanSettings,
     progress: Callable[[str], None],
+    driven: Problem | None = None,
 ) -> Analytic:
     """Plan with the speed graph; its classes become seeds and rows.
+
+    `driven` is the problem whose full robot drives the paths, where it is not the one that is solved.
 
     Raises
     ------
     PlanningError : the method gave no answer.
     NoPathError : there is no path for this robot.
     """
+    driven = problem if driven is None else driven
     plan, result = _solve(problem, diagram, settings, progress)
-    profiles = [full_profile(problem, optimum.path) for optimum in result.classes]
+    profiles = [full_profile(driven, optimum.path) for optimum in result.classes]
     rows = [dict(row) | profile.row() for row, profile in zip(plan.details["classes"], profiles, strict=True)]
     best = profiles[0].row() if profiles else {}
     details: Mapping[str, Any] = {**plan.details, **best, "classes": rows}
     return Analytic(
         plan=replace(plan, details=details),
         seeds=_seeds(plan.method, result.classes, gates),
-        drawing=_drawing(problem, result),
+        drawing=_drawing(driven, result),
     )
 
 

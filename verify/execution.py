@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 from systems import SimulationRun, simulate
 from systems.following import Tolerance, following
-from vnav_drake.collocation import plan_full
-from vnav_drake.plan import Plan, Trajectory
+from vnav_drake.collocation import Effort, plan_full
+from vnav_drake.plan import Path, Plan, Trajectory
 from vnav_drake.problem import PlanningError, Problem
 from vnav_drake.robot import Robot
 from vnav_drake.scenario import Scenario
@@ -22,6 +22,8 @@ from vnav_drake.scenario import Scenario
 SHARES = (0.975, 0.95, 0.9, 0.8)  # of the limits, tried in turn
 # The judge allows more, so that it need not be asked.
 TOLERANCE = Tolerance(sideways=0.03, lateness=0.008, least_lateness=0.08)
+
+Again = Callable[[Problem, Path, Effort], Plan]
 
 CAUSES = ("", "is late", "leaves the path", "does not arrive", "slides", "lifts its wheels", "falls")
 GRAVITY_OF = {cause: i for i, cause in enumerate(CAUSES)}
@@ -35,14 +37,23 @@ class Execution:
     run: SimulationRun
 
 
+def plan_again(problem: Problem, path: Path, effort: Effort) -> Plan:
+    """The motion near a path within the limits of the problem. Raises PlanningError where there is none."""
+    return plan_full(problem, path, effort=effort)
+
+
 def execute(
-    scenario: Scenario, plan: Plan, model: str, progress: Callable[[str], None] = lambda _text: None
+    scenario: Scenario,
+    plan: Plan,
+    model: str,
+    progress: Callable[[str], None] = lambda _text: None,
+    again: Again = plan_again,
 ) -> Execution:
     """Drive the plan; where the vehicle strays, leave the controller part of the limits.
 
     The plan returned has `limit_share` among its details when it was held back, and `full_limit_time` [s],
     what it took before. When no share helps, the run that went least wrong stands, for the judge to see: one
-    that is a little late rather than one that fell.
+    that is a little late rather than one that fell. `again` plans with smaller limits.
 
     Raises
     ------
@@ -59,12 +70,12 @@ def execute(
         if careful.lateral_limit <= 0.0:
             break  # the friction reserve takes all that is left
         try:
-            slower = plan_full(careful, plan.path, effort="quick")
+            slower = again(careful, plan.path, "quick")
         except PlanningError:
             break
         found = Execution(slower, simulate(problem.robot, slower.trajectory, model=model))
         if not _gravity(found):
-            return _polished(scenario, careful, plan, found, share)
+            return _polished(scenario, careful, plan, found, share, again)
         if _gravity(found) < fault:
             best, fault = _told(found, plan, share), _gravity(found)
     return best
@@ -92,12 +103,14 @@ def follows(run: SimulationRun, trajectory: Trajectory) -> bool:
     return not following(run, trajectory, TOLERANCE).cause
 
 
-def _polished(scenario: Scenario, careful: Problem, plan: Plan, found: Execution, share: float) -> Execution:
+def _polished(
+    scenario: Scenario, careful: Problem, plan: Plan, found: Execution, share: float, again: Again
+) -> Execution:
     """The same share at the scenario's effort, where the vehicle follows that too."""
     chosen = found
     if scenario.plan.effort == "full" and found.plan.path is not None:
         try:
-            best = plan_full(careful, found.plan.path)
+            best = again(careful, found.plan.path, "full")
         except PlanningError:
             best = found.plan  # a finer mesh may fail where a coarse one did not
         run = simulate(scenario.problem.robot, best.trajectory, model=found.run.model)

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vnav_drake.collocation import Effort, plan_full
 from vnav_drake.convex import ConvexPieces
 from vnav_drake.field_fitting import FieldRun, drive_fields, fit_fields, path_along, with_fields
-from vnav_drake.plan import Plan, Trajectory
+from vnav_drake.plan import Path, Plan, Trajectory
 from vnav_drake.problem import Problem
 from vnav_drake.scenario import Scenario
 from vnav_drake.zones.catalogue import field_set as given_fields
@@ -55,21 +56,46 @@ def asks_for_fields(scenario: Scenario) -> bool:
     return scenario.spec.braking.zone.type == TYPE
 
 
-def run_fields(scenario: Scenario, plan: Plan) -> FieldsStage:
+class FieldPlanner:
+    """Plans again under the fields of a stage, and knows which stage each plan is from."""
+
+    def __init__(self, scenario: Scenario, first: FieldsStage) -> None:
+        self._scenario = scenario
+        self._stages = [first]
+
+    def again(self, problem: Problem, path: Path, effort: Effort) -> Plan:
+        """The motion near a path within the problem's limits. Raises PlanningError where there is none."""
+        base = plan_full(problem, path, effort=effort)
+        stage = run_fields(self._scenario, base, problem=problem, field_set=self._stages[0].field_set)
+        self._stages.append(stage)
+        return stage.plan
+
+    def of(self, plan: Plan) -> FieldsStage:
+        """The stage whose motion this is; the first where none is."""
+        found = [stage for stage in self._stages if stage.plan.trajectory is plan.trajectory]
+        return found[0] if found else self._stages[0]
+
+
+def run_fields(
+    scenario: Scenario, plan: Plan, *, problem: Problem | None = None, field_set: FieldSet | None = None
+) -> FieldsStage:
     """Fit or take the fields the scenario asks for and drive the planned path under them.
 
     Parameters
     ----------
     plan : of the full model, made with the base zone.
+    problem : the scenario's, or with other limits of the robot. field_set : those known already.
 
     Raises
     ------
     PlanningError : a field is not free where it must be, or there are no fields to be had.
     """
-    problem, parameters = scenario.problem, scenario.spec.braking.zone.parameters
+    parameters = scenario.spec.braking.zone.parameters
+    problem = scenario.problem if problem is None else problem
     robot = problem.robot
     reserve = robot.reserved_lateral_acceleration() if problem.friction_reserve else None
-    field_set = given_fields(parameters, problem.braking, robot.radius, reserve)
+    if field_set is None:
+        field_set = given_fields(parameters, problem.braking, robot.radius, reserve)
     if field_set is None:
         field_set = fit_fields(problem, plan.trajectory, parameters["count"])
     path = path_along(plan.trajectory)

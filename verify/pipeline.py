@@ -6,16 +6,14 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from verify import evidence
-from verify.analytic import run_speed_graph
 from verify.atomic import ResultFolder
-from verify.bounding import GATE, about, run_lower_bound
+from verify.bounding import about
 from verify.choosing import drive_as_planned, optimum_to_execute
 from verify.driving import (
     about_studies,
@@ -26,29 +24,21 @@ from verify.driving import (
     study,
     wiring,
 )
-from verify.execution import execute
+from verify.execution import execute, plan_again
 from verify.exit_codes import FAILED, OK, UNFINISHED
+from verify.field_stage import FieldPlanner, write_fields
 from verify.interruption import Interruption
 from verify.judge import Judgement, judge
+from verify.planning import plan_everything
 from verify.report import ReportExtras, SpeedGraphDrawing, write_report
-from verify.seeding import cold_start, compare_seeds, route_seeds, with_times
 from verify.stages import Missing, Progress, Say, Stages
-from verify.vc import run_vc_method
 from verify.vc_drawing import vc_drawing
 from verify.versions import versions
-from vnav_drake.collocation import Seed, plan_full, plan_variational
-from vnav_drake.dwa import plan_dwa
-from vnav_drake.homotopy import Gates, build_gates, class_of, word_of
-from vnav_drake.plan import Plan
+from vnav_drake.homotopy import class_of, word_of
 from vnav_drake.scenario import Scenario
-from vnav_drake.voronoi import VoronoiDiagram, build_diagram
-from vnav_drake.voronoi_route import plan_voronoi_route
 
 # Facts about a plan that the judge states, so the method's own word for them is not needed.
 _JUDGED = frozenset({"reached", "travel_time", "length", "model", "feasible", "violations", "unpromised"})
-
-
-SEEDING = ("speed_graph", "vc_method", "voronoi_route")  # methods that seed the collocation, in their order
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +112,7 @@ def _heeding(interruption: Interruption, say: Say, text: str) -> None:
 def _fill(folder: ResultFolder, stages: Stages, overrides: Mapping[str, float]) -> Outcome:
     scenario = stages.scenario
     done = stages.done
-    _plan(stages, overrides)
+    plan_everything(stages, overrides)
     judgement = _executed_optimum(stages, folder.work, overrides)
     if judgement is None:
         _execute_refined(stages)
@@ -146,32 +136,6 @@ def _fill(folder: ResultFolder, stages: Stages, overrides: Mapping[str, float]) 
         result=result,
         report=folder.final / evidence.REPORT,
         missing=tuple(done.missing),
-    )
-
-
-def _plan(stages: Stages, overrides: Mapping[str, float]) -> None:
-    """Each stage from what came before; what cannot finish is noted, and what does not need it goes on."""
-    scenario, done = stages.scenario, stages.done
-    problem = scenario.problem
-    diagram = done.diagram = stages.run("voronoi", lambda: build_diagram(problem.world, problem.robot.radius))
-    if diagram is None:
-        for name in SEEDING:
-            if name in scenario.plan.methods:
-                stages.skip(name, "the Voronoi diagram")
-        seeds: list[Seed] = []
-    else:
-        gates = done.gates = build_gates(diagram, problem.robot.radius + problem.braking.margin)
-        _require_known(scenario, gates)
-        seeds = _seeds(stages, diagram, gates)
-        _optimise(stages, seeds, gates)
-    if not seeds:
-        stages.skip("collocation", "a seed")
-        stages.skip("refined", "a seed")
-    if "dwa" in scenario.plan.methods:
-        done.keep(stages.run("dwa", lambda: _dwa(scenario)))
-    told = stages.told("lower bound")
-    done.bound = stages.run(
-        "lower_bound", lambda: run_lower_bound(scenario, done.plans, overrides, told), only_for=GATE
     )
 
 
@@ -213,8 +177,12 @@ def _execute_refined(stages: Stages) -> None:
     done.executed = refined.method
     told = stages.told("simulation")
     model = main_model(scenario)
-    execution = stages.run("simulation", lambda: execute(scenario, refined, model, told))
+    fields = None if done.fields is None else FieldPlanner(scenario, done.fields)
+    again = plan_again if fields is None else fields.again
+    execution = stages.run("simulation", lambda: execute(scenario, refined, model, told, again))
     if execution is not None:
+        if fields is not None:
+            done.fields = fields.of(execution.plan)
         done.keep(execution.plan)
         done.run = execution.run
         done.prescreen = drive_prescreen(stages, execution.plan)
@@ -231,85 +199,6 @@ def _judged(stages: Stages, folder: FilePath, overrides: Mapping[str, float]) ->
     seconds = stages.done.seconds
     seconds["judge"] = seconds.get("judge", 0.0) + time.perf_counter() - begun
     return judgement
-
-
-def _seeds(stages: Stages, diagram: VoronoiDiagram, gates: Gates) -> list[Seed]:
-    """A seed for each class of the speed graph, the vc-method's way, and each route along Voronoi arcs.
-
-    As far as asked for; where none gives one, the routes step in: something must seed the rest.
-    """
-    done, problem, settings = stages.done, stages.scenario.problem, stages.scenario.plan
-    seeds: list[Seed] = []
-    if "speed_graph" in settings.methods:
-        told = stages.told("speed graph")
-        found = stages.run("speed_graph", lambda: run_speed_graph(problem, diagram, gates, settings, told))
-        if found is not None:
-            done.analytic = found
-            done.keep(found.plan)
-            seeds += found.seeds
-    if "vc_method" in settings.methods:
-        vc = done.vc = stages.run("vc_method", lambda: run_vc_method(problem, diagram, gates, settings))
-        if vc is not None:
-            done.keep(vc.plan)
-            seeds += [] if vc.seed is None else [vc.seed]
-    if "voronoi_route" in settings.methods or not seeds:
-        route = done.keep(stages.run("voronoi_route", lambda: plan_voronoi_route(problem, diagram)))
-        if route is not None:
-            most, through = settings.homotopy_classes, settings.through
-            seeds += (
-                stages.run("seeds", lambda: route_seeds(problem, diagram, gates, route, most, through)) or []
-            )
-    return seeds
-
-
-def _optimise(stages: Stages, seeds: Sequence[Seed], gates: Gates) -> None:
-    """The collocation of both models, where there are seeds; seeds of several methods are compared.
-
-    The comparison has a cold start too, where any way will do.
-    """
-    if not seeds:
-        return
-    scenario, done = stages.scenario, stages.done
-    problem, effort = scenario.problem, scenario.plan.effort
-    compared = effort == "full" and len({seed.method for seed in seeds}) > 1
-    if compared and not scenario.plan.through:
-        seeds = [*seeds, cold_start(problem)]
-    told, named = stages.told("collocation"), partial(class_of, gates)
-    best = done.keep(
-        stages.run(
-            "collocation",
-            lambda: plan_variational(problem, seeds, effort=effort, progress=told, class_of=named),
-        )
-    )
-
-    if best is not None and compared:
-        found, told = best, stages.told("seeds compared")
-        rows = stages.run(
-            "seed_comparison", lambda: compare_seeds(problem, seeds, found, gates, effort, told)
-        )
-        done.comparison = rows or []
-
-    def refine() -> Plan:
-        starts = seeds if best is None else with_times(seeds, best, gates)
-        return plan_full(problem, starts, effort=effort, progress=stages.told("refined"), class_of=named)
-
-    done.keep(stages.run("refined", refine))
-
-
-def _dwa(scenario: Scenario) -> Plan:
-    """The run of the dynamic window approach, whether or not it reaches the goal."""
-    settings = scenario.plan.dwa
-    return plan_dwa(
-        scenario.problem, weights=settings.weights, window=settings.window, step=settings.step
-    ).plan
-
-
-def _require_known(scenario: Scenario, gates: Gates) -> None:
-    for i, token in enumerate(scenario.plan.through):
-        try:
-            gates.matches((), (token,))
-        except ValueError as error:
-            raise scenario.error(f"plan.through[{i}]", str(error)) from error
 
 
 def _write_evidence(folder: FilePath, scenario: Scenario, done: Progress) -> None:
@@ -329,6 +218,8 @@ def _write_evidence(folder: FilePath, scenario: Scenario, done: Progress) -> Non
         done.prescreen.to_csv(folder / evidence.SIMULATION_SINGLE_TRACK)
     if done.stops is not None:
         done.stops.save(folder / evidence.STOPS)
+    if done.fields is not None:
+        write_fields(folder, done.fields)
     if done.bound is not None:
         done.bound.certificate.save(folder / evidence.CERTIFICATE)
 
@@ -358,6 +249,8 @@ def _result(
     if done.bound is not None and "lower_bound" in result:
         how = plain(about(done.bound)) | {"compute_time": done.seconds["lower_bound"]}
         result["lower_bound"] = how | result["lower_bound"]
+    if done.fields is not None and "zone" in result:
+        result["zone"]["fields"] = plain(done.fields.about) | result["zone"].get("fields", {})
     result["gate_overrides"] = dict(overrides)
     result["missing"] = [{"stage": item.stage, "reason": item.reason} for item in done.missing]
     result["compute_times"] = dict(done.seconds)

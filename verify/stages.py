@@ -12,6 +12,7 @@ from systems.margins import Studies
 from systems.parallel import WorkerError
 from systems.stops import StopRecords
 from verify.analytic import Analytic
+from verify.field_stage import FieldsStage
 from verify.interruption import Interruption
 from verify.replay import ReplayError
 from verify.vc import VcStage
@@ -46,6 +47,7 @@ class Progress:
     analytic: Analytic | None = None
     vc: VcStage | None = None
     comparison: list[dict[str, Any]] = field(default_factory=list)  # of seeds
+    fields: FieldsStage | None = None  # where the zone is a field set
     bound: LowerBound | None = None
     executed: str | None = None  # the plan that the vehicle drove in `run`, or is to drive
     run: SimulationRun | None = None
