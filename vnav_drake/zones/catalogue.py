@@ -8,16 +8,17 @@ fields it adds are its parameters (see `plugins`). `docs/tutorials/new_braking_z
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from vnav_drake.braking import UniformBraking
+from vnav_drake.testing import check_zone
 from vnav_drake.zones import plugins
 from vnav_drake.zones.convex_zone import ConvexZone, GaugeZone
-from vnav_drake.zones.errors import PluginError, ZoneError
+from vnav_drake.zones.errors import PluginError, ZoneError, ZoneFault
 from vnav_drake.zones.field_set import FieldSet
 from vnav_drake.zones.held_arc import MOST_AHEAD, ROUNDING, arc_excess, least_ahead, side_room
 from vnav_drake.zones.shapes import DiscZone, EllipseZone, PolygonZone, ProtectiveField
@@ -154,27 +155,21 @@ def _ellipse(
 ) -> EllipseZone:
     """`ahead` None: 1, or with a reserve what the sharpest held arc needs."""
     shape = {key: value for key, value in given.items() if value is not None}
-    if reserve is None or "ahead" in shape:
-        return EllipseZone(law=law, radius=radius, **shape)
-    return ellipse_with_reserve(EllipseZone(law=law, radius=radius, **shape), reserve)
+    if reserve is not None and "ahead" not in shape:
+        shape["ahead"] = ahead_with_reserve(float(shape.get("lateral_ratio", 0.5)), reserve, law)
+    return EllipseZone(law=law, radius=radius, **shape)
 
 
-def ellipse_with_reserve(zone: EllipseZone, reserve: float) -> EllipseZone:
-    """The ellipse as far ahead as it must reach for the arcs of stops with the steering held.
+def ahead_with_reserve(lateral_ratio: float, reserve: float, law: UniformBraking) -> float:
+    """How far ahead an ellipse must reach for the arcs of stops with the steering held.
 
     At the lateral acceleration `reserve` [m/s^2] and without reaction time an arc turns by
-    |kappa| D = reserve / (2 a_b). At most `MOST_AHEAD`: beyond, less turning is asked for instead.
+    |kappa| D = reserve / (2 a_b). At most `MOST_AHEAD`: beyond, less turning is asked for instead. Far ahead
+    a one-sided ellipse is wider than the centred one.
     """
-    turn = reserve / (2.0 * zone.law.max_braking)
-    if zone.behind is None:
-        return replace(zone, ahead=min(least_ahead(zone.lateral_ratio, turn), MOST_AHEAD))
-    low, high = 1.0, MOST_AHEAD
-    turns = np.linspace(0.0, turn, 257)[1:]
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        holds = bool(np.all(arc_excess(replace(zone, ahead=middle), turns)[0] <= 0.0))
-        low, high = (low, middle) if holds else (middle, high)
-    return replace(zone, ahead=high)
+    if not 0.0 < lateral_ratio < math.inf:
+        return 1.0  # which the ellipse refuses in its own words
+    return min(least_ahead(lateral_ratio, reserve / (2.0 * law.max_braking)), MOST_AHEAD)
 
 
 def _must_turn(zone: GaugeZone, reserve: float) -> None:
@@ -187,8 +182,8 @@ def _must_turn(zone: GaugeZone, reserve: float) -> None:
     )
     remedy = "braking.margin above 0 [m]"
     if isinstance(zone, EllipseZone):
-        wider = ellipse_with_reserve(zone, reserve)
-        raise ZoneError("ahead", f"{why} {wider.ahead:.6g}, which does, or null")
+        ahead = ahead_with_reserve(zone.lateral_ratio, reserve, zone.law)
+        raise ZoneError("ahead", f"{why} {math.ceil(1e4 * ahead) / 1e4:g}, which does, or null")
     if isinstance(zone, ProtectiveField) and zone.form == "capsule":
         remedy += " or side above 0 [m]"
     if isinstance(zone, ProtectiveField):
@@ -209,7 +204,14 @@ def _from_plugin(
             f"unknown braking zone; known: {', '.join(known_types())}. A zone of your own is loaded with "
             "--plugin MODULE",
         )
-    return plugins.build(found, parameters, law, radius)
+    zone = plugins.build(found, parameters, law, radius)
+    try:
+        with plugins.Foreign(f"the zone {type_name!r} fails", PluginError):
+            check_zone(zone)
+    except (PluginError, ZoneFault) as error:
+        text = str(error)
+        raise ZoneError("", text if isinstance(error, PluginError) else f"is refused: {text}") from error
+    return zone
 
 
 def _known(type_name: str, parameters: Mapping[str, Any], names: tuple[str, ...]) -> None:

@@ -29,7 +29,7 @@ from vnav_drake.braking import UniformBraking
 from vnav_drake.scenario_file import printable, show_path, split_path
 from vnav_drake.scenario_zone import BUILT_IN
 from vnav_drake.zones.convex_zone import ConvexZone
-from vnav_drake.zones.errors import PluginError, ZoneError
+from vnav_drake.zones.errors import PluginError, ZoneError, ZoneFault
 
 GROUP = "vnav_drake.zones"  # of entry points
 _NAME = re.compile(r"[A-Za-z][\w.-]{0,63}", re.ASCII)
@@ -105,7 +105,7 @@ def build(
     """
     values = _parameters(zone, parameters)
     try:
-        with _Foreign(f"the zone {zone.type_name!r} cannot be made", PluginError):
+        with Foreign(f"the zone {zone.type_name!r} cannot be made", PluginError):
             return _constructed(zone, values, law, radius)
     except PluginError as error:
         raise ZoneError("", str(error)) from error
@@ -130,10 +130,10 @@ def told(error: ValueError, parameters: Sequence[str]) -> ZoneError:
     return ZoneError(key, rest) if rest and place and place[0] in parameters else ZoneError("", str(error))
 
 
-class _Foreign:
-    """Around code that is not ours, which may raise anything: told as the plugin's fault, never passed on.
+class Foreign:
+    """Around code that is not ours, which may raise anything: told as the plugin's fault, in one line.
 
-    Interruptions pass; what is said already in our words does, too.
+    Interruptions pass; what is said in our words already does, too.
     """
 
     def __init__(self, what: str, kind: type[ValueError]) -> None:
@@ -144,7 +144,7 @@ class _Foreign:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _trace: TracebackType | None
     ) -> None:
-        if error is None or isinstance(error, KeyboardInterrupt | GeneratorExit | PluginError | ZoneError):
+        if error is None or isinstance(error, KeyboardInterrupt | PluginError | ZoneError | ZoneFault):
             return
         words = printable(str(error).partition("\n")[0])[:200]
         reason = f"{type(error).__name__}{words and ': '}{words}"
@@ -159,7 +159,7 @@ def _imported(module: str) -> ModuleType:
     here = os.getcwd()
     if here not in sys.path and "" not in sys.path:
         sys.path.append(here)  # it stays: worker processes look where we do
-    with _Foreign(f"plugin {module} cannot be imported", PluginError):
+    with Foreign(f"plugin {module} cannot be imported", PluginError):
         return importlib.import_module(module)
 
 
@@ -184,7 +184,7 @@ def _zones_of(module: ModuleType, name: str) -> dict[str, type[ConvexZone]]:
 
 def _entry_zone(entry: EntryPoint) -> type[ConvexZone]:
     what = f"the entry point {entry.name} = {entry.value} of {GROUP}"
-    with _Foreign(f"{what} cannot be imported", PluginError):
+    with Foreign(f"{what} cannot be imported", PluginError):
         found = entry.load()
     if isinstance(found, ModuleType):
         zones = _zones_of(found, found.__name__)
@@ -215,7 +215,7 @@ def _check_class(zone: type[ConvexZone], where: str) -> None:
 def _model(zone: type[ConvexZone]) -> type[BaseModel]:
     """The parameters of a zone as a strict model, one field each."""
     what = f"the zone {zone.type_name!r}"
-    with _Foreign(f"{what}: its fields have types that cannot be found", PluginError):
+    with Foreign(f"{what}: its fields have types that cannot be found", PluginError):
         hints = get_type_hints(zone)
     own = [field for field in fields(zone) if field.init and field.name not in _OURS]
     given: dict[str, Any] = {
