@@ -16,8 +16,9 @@ from verify.report import write_report
 from verify.report.answer import answer, others
 from verify.report.evidence import Evidence
 from verify.report.figures_time import BracketData, BracketRow, draw_bracket
+from verify.report.key_figures import key_figures
 from verify.report.palette import METHODS, PAPER, variable_of_colour
-from verify.report.story import is_executed, key_figures
+from verify.report.story import is_executed
 from verify.report.story_times import breaks, time_rows, window_sentence
 from verify.report.story_vc import vc_story
 from vnav_drake.plan import Trajectory

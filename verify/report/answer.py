@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from verify.report.numbers import fine_percent, metres, number_in, percent, seconds, seconds_proven, with_unit
+from verify.report.numbers import (
+    count,
+    fine_percent,
+    metres,
+    number_in,
+    percent,
+    seconds,
+    seconds_proven,
+    with_unit,
+)
 from verify.report.palette import method
 from verify.report.story import (
-    OPTIMA,
     Result,
     executed_plan,
     is_stuck,
+    mapping,
+    optima,
     travel_times,
     unfinished,
     verdict,
@@ -38,9 +48,10 @@ def answer(result: Result, *, rest_ends: bool, through: Sequence[str] = (), lost
     """
     plan, times = executed_plan(result), travel_times(result)
     sentences = [_gets_there(result, plan, times)]
+    sentences += _zone(result, plan, times)
     if through:
         sentences.append(f"It was asked to pass {', '.join(map(plain, through))}; faster ways may exist.")
-    optimal = next((name for name in OPTIMA if name in times), "")
+    optimal = next((name for name in optima(result) if name in times), "")
     optimum = times.get(optimal)
     if optimum is not None and plan in times and plan != optimal:
         ends = (
@@ -69,6 +80,29 @@ def answer(result: Result, *, rest_ends: bool, through: Sequence[str] = (), lost
     return sentences
 
 
+def _zone(result: Result, plan: str, times: Mapping[str, float]) -> list[str]:
+    """Uniform braking beside the zone, and what its promise is worth, where the zone is no disc."""
+    if mapping(result, "zone").get("isotropic") is not False:
+        return []
+    sentences, uniform = [], times.get("uniform")
+    if uniform is not None and plan in times and plan != "uniform":
+        gained = uniform - times[plan]
+        word = "gains" if gained >= 0.0 else "loses"
+        sentences.append(
+            f"With uniform braking it would take {seconds(uniform)}: the braking zone {word} "
+            f"{seconds(abs(gained))}."
+        )
+    audit = mapping(mapping(result, "zone"), "promise")
+    hits, poses = number_in(audit, "held_collides"), number_in(audit, "poses")
+    if hits and poses:
+        kept = mapping(result, "zone").get("friction_reserve") is True
+        sentences.append(
+            f"From {count(hits)} of {count(poses)} poses on the way a stop with the steering held would run "
+            f"into an obstacle{'' if kept else ': no friction is kept in reserve'}."
+        )
+    return sentences
+
+
 def others(result: Result, *, rest_ends: bool) -> list[str]:
     """What Voronoi route, vc-method and dynamic window came to, where they are not executed themselves."""
     return [*_route(result), *_baselines(result, rest_ends=rest_ends)]
@@ -76,7 +110,10 @@ def others(result: Result, *, rest_ends: bool) -> list[str]:
 
 def _route(result: Result) -> list[str]:
     times = travel_times(result)
-    route, optimum = times.get("voronoi_route"), next((times[name] for name in OPTIMA if name in times), None)
+    route, optimum = (
+        times.get("voronoi_route"),
+        next((times[name] for name in optima(result) if name in times), None),
+    )
     if route is None or optimum is None:
         return []
     near = f"{compared(route / optimum - 1.0, 'more than', 'less than')} the variational optimum"

@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from verify.report.numbers import number_in
 from verify.report.stops import StopPaths, read_stop_paths
 from vnav_drake.plan import COLUMNS, Trajectory
 
 Array = NDArray[np.float64]
 
-PLANS = ("voronoi_route", "vc_method", "speed_graph", "dwa", "collocation", "refined")  # files looked for
+PLANS = (
+    "voronoi_route",
+    "vc_method",
+    "speed_graph",
+    "dwa",
+    "collocation",
+    "uniform",
+    "refined",
+)  # files looked for
 EXECUTED = (
     "refined",
     "collocation",
@@ -23,7 +35,7 @@ EXECUTED = (
 )  # stand-ins for trajectory.csv, best first
 LONGEST_TEXT = 60_000  # characters of a scenario file that the page repeats
 SIMULATION, SINGLE_TRACK = "simulation.csv", "simulation_single_track.csv"
-STOPS, REPLAY = "stops.npz", "replay.html"
+STOPS, REPLAY, FIELDS = "stops.npz", "replay.html", "fields.json"
 _MOTION = ("t", "x", "y", "heading", "v")
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -66,6 +78,7 @@ class Evidence:
     single_track: SimulatedRun | None = None  # the quick model's run, where both models were asked for
     stops: StopPaths | None = None
     has_replay: bool = False
+    fields: Mapping[str, Any] = field(default_factory=dict)  # fields.json, empty without one
 
     def reason(self, *files: str) -> str:
         """Why what is drawn from `files` is missing."""
@@ -101,7 +114,26 @@ def read_evidence(folder: Path) -> Evidence:
         single_track=_run(folder, SINGLE_TRACK, reasons),
         stops=stops,
         has_replay=(folder / REPLAY).is_file(),
+        fields=_fields(folder, reasons),
     )
+
+
+def _fields(folder: Path, reasons: dict[str, str]) -> Mapping[str, Any]:
+    """The table of fields; speeds that are not rising numbers make it as good as absent."""
+    try:
+        found = json.loads((folder / FIELDS).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:  # not JSON, not text
+        reasons[FIELDS] = f"{FIELDS} cannot be read: {error}"
+        return {}
+    cases = found.get("cases") if isinstance(found, Mapping) else None
+    told = cases if isinstance(cases, list) else []
+    speeds = [number_in(item, "max_speed") or 0.0 for item in told]
+    if not speeds or speeds[0] <= 0.0 or any(b <= a for a, b in pairwise(speeds)):
+        reasons[FIELDS] = f"{FIELDS} holds no fields of rising speed"
+        return {}
+    return found
 
 
 def _run(folder: Path, file: str, reasons: dict[str, str]) -> SimulatedRun | None:

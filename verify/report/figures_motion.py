@@ -17,6 +17,7 @@ from verify.report.curves import Curve, halo, label_curves
 from verify.report.palette import INK, LIMIT, MUTED, Dash, method
 from verify.report.series import in_steps, row_ends, thinned
 from verify.report.svg import NARROW, PANEL, WIDE, Picture, drawing_style, new_axes, to_svg
+from verify.report.zone_along import ZoneAlong
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
 
@@ -36,6 +37,7 @@ class SpeedData:
     variational: tuple[str, Trajectory] | None  # method and motion, when it is not the executed one
     over: Literal["path", "time"]
     subject: str = "executed motion"  # what `motion` is called: where nothing is executed, a stand-in
+    along: ZoneAlong | None = None  # the zone along `motion` where it is no disc
 
 
 def draw_speed_curve(data: SpeedData) -> Picture:
@@ -46,7 +48,8 @@ def draw_speed_curve(data: SpeedData) -> Picture:
         "title": f"Speed over {over}",
         "description": f"Speed of the {data.subject} over {over}, "
         f"from {data.motion.v[0]:.2f} m/s at the start to {data.motion.v[-1]:.2f} m/s at the goal, "
-        f"greatest {data.motion.v.max():.2f} m/s, below the dashed braking limit V(d) along the same path.",
+        f"greatest {data.motion.v.max():.2f} m/s, below the dashed braking limit "
+        f"{'V(d)' if data.along is None else 'of the zone at each pose'} along the same path.",
     }
     with drawing_style():
         return Picture(
@@ -63,7 +66,10 @@ def _speed(data: SpeedData, described: dict[str, str], width: float, height: flo
     short = width < WIDE
     t, s, v, clearance = in_steps(data.motion, 4)
     fine, limit = (s if data.over == "path" else t), problem.braking.speed(clearance)
-    top = 1.18 * max(float(v.max()), float(limit.max()))
+    if data.along is not None:
+        limit = np.interp(s, data.along.s, data.along.fastest)
+    by = "V(d)" if data.along is None else "by zone"
+    top = 1.18 * max(float(v.max()), float(limit.max()) if data.along is None else 0.0)
     curves = []
 
     def draw(x: Array, y: Array, text: str, colour: str, words: str, dash: Dash, line: float) -> None:
@@ -71,7 +77,7 @@ def _speed(data: SpeedData, described: dict[str, str], width: float, height: flo
         axes.plot(*thinned(x, y), color=colour, ls=dash, lw=line, dash_capstyle="butt", zorder=over)
         curves.append(Curve(x=x, y=y, text=text, colour=words))
 
-    draw(fine, limit, "V(d)" if short else "braking limit V(d)", LIMIT.light, LIMIT.light, LIMIT_DASH, 1.4)
+    draw(fine, limit, by if short else f"braking limit {by}", LIMIT.light, LIMIT.light, LIMIT_DASH, 1.4)
     bend = _bend_limit(problem, rows.curvature)
     near = bend < top
     if np.any(near):

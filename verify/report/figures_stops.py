@@ -148,7 +148,8 @@ def draw_stop_figures(data: StopsData) -> Sequence[Picture]:
             ),
             _dots(
                 data, "stops-displacement", "Farthest from where it began", stops.displacement * share,
-                f"distance over {law}", (1.0, "rim of the braking disc"), note,
+                f"distance over {law}",
+                (1.0, "rim of the braking disc" if problem.zone is None else "stopping distance"), note,
             ),
         ] if moving.any() else []  # fmt: skip
         return [

@@ -48,7 +48,7 @@ def write_index(file: Path, results: Sequence[tuple[str, Mapping[str, Any]]]) ->
 def _row(name: str, result: Mapping[str, Any]) -> IndexRow:
     times, plan = story.travel_times(result), story.executed_plan(result)
     time = times.get(plan)
-    optimum = next((times[name] for name in story.OPTIMA if name in times), None)
+    optimum = next((times[name] for name in story.optima(result) if name in times), None)
     gates = story.gate_rows(result)
     statuses = (story.FAILED, story.PASSED, story.NOT_EVALUATED)
     counts = {status: sum(row.status == status for row in gates) for status in statuses}

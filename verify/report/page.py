@@ -29,6 +29,8 @@ from verify.report.figures_space import draw_space
 from verify.report.figures_time import BracketData, BracketRow, draw_bracket
 from verify.report.figures_unfolded import draw_unfolded
 from verify.report.html import render, write_whole
+from verify.report.inputs import robot_rows
+from verify.report.key_figures import key_figures
 from verify.report.numbers import duration, number_in, significant
 from verify.report.palette import METHODS, method
 from verify.report.section import Section
@@ -41,8 +43,12 @@ from verify.report.story_seeds import seed_story
 from verify.report.story_stuck import StuckRun, lost_run, stuck_runs
 from verify.report.story_times import breaks, goes_astray, time_rows, window_sentence
 from verify.report.story_vc import vc_story
+from verify.report.story_zone import relaxation_sentence
 from verify.report.svg import Picture
 from verify.report.wording import GLOSSARY, VERDICTS
+from verify.report.zone_along import ZoneAlong
+from verify.report.zone_sections import VIEWER as ZONE_VIEWER
+from verify.report.zone_sections import motion_zone, zone_of, zone_sections
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
 
@@ -91,9 +97,10 @@ def write_report(
     classes, lost = class_rows(result), lost_run(result, evidence.simulation)
     stuck = [*stuck_runs(result), *([] if lost is None else [lost])]
     rest = problem.start.speed != "safe" or problem.goal.speed != "safe"
+    along = motion_zone(problem, evidence)
     text = render(
         "report.html",
-        scripts=[] if extras.vc_method is None else [VIEWER],
+        scripts=[*([] if extras.vc_method is None else [VIEWER]), *([] if along is None else [ZONE_VIEWER])],
         name=scenario.name,
         description=scenario.description,
         verdict=story.verdict(result),
@@ -111,7 +118,7 @@ def write_report(
         failing=[row for row in story.gate_rows(result) if row.status == story.FAILED],
         failing_checks=[row for row in story.check_rows(result) if row.status == story.FAILED],
         marks=story.MARKS,
-        key_figures=story.key_figures(result, evidence),
+        key_figures=key_figures(result, evidence),
         times=[*time_rows(result), *(run.row for run in stuck)],
         reference=method(story.reference_plan(result)).label if story.reference_plan(result) else "",
         bracket=_bracket(result),
@@ -137,6 +144,9 @@ def write_report(
         map=_map(problem, result, evidence, extras, stuck),
         map_lines=[method(name) for name, _ in _map_lines(evidence)]
         + ([method("simulation")] if story.strayed(result) and evidence.simulation is not None else []),
+        **zone_sections(problem, result, evidence, along, plan=plan, subject=_subject(result, evidence)),
+        zone_has_uniform="uniform" in evidence.plans,
+        relaxation=relaxation_sentence(result),
         has_arcs=extras.diagram is not None or bool(extras.voronoi_polylines),
         speed=_with_motion(
             evidence,
@@ -147,8 +157,9 @@ def write_report(
                         motion=motion,
                         plan=plan,
                         over=over,
-                        variational=_variational(evidence),
+                        variational=_variational(result, evidence),
                         subject=_subject(result, evidence),
+                        along=along,
                     )
                 )
                 for over in ("path", "time")
@@ -156,24 +167,26 @@ def write_report(
         ),
         friction=_with_motion(
             evidence,
-            lambda _motion: draw_friction(FrictionData(problem=problem, motions=_compared(evidence, plan))),
+            lambda _motion: draw_friction(
+                FrictionData(problem=problem, motions=_compared(result, evidence, plan))
+            ),
         ),
         tip_acceleration=significant(problem.robot.tip_acceleration),
         margins=_with_motion(
-            evidence, lambda motion: draw_margins(_margins(problem, evidence, plan, motion))
+            evidence, lambda motion: draw_margins(_margins(problem, result, evidence, plan, motion, along))
         ),
-        compared=[method(name) for name, _ in _compared(evidence, plan)],
+        compared=[method(name) for name, _ in _compared(result, evidence, plan)],
         mesh=_mesh(problem, result, evidence, extras),
         rounds=[
             (method(name), story.history_rows(rounds)) for name, rounds in extras.history.items() if rounds
         ],
-        **simulation_sections(scenario, result, evidence, plan),
+        **simulation_sections(scenario, result, evidence, plan, zone_of(problem, evidence)),
         **wiring(extras.diagram_of_systems),
         not_evaluated=story.not_evaluated(result, evidence),
         scenario_text=evidence.scenario_text,
         scenario_reason=evidence.reason("scenario.yaml"),
         scenario_sha256=story.words(result.get("scenario_sha256")),
-        robot=_robot_rows(problem),
+        robot=robot_rows(problem),
         versions=sorted((str(k), story.words(v)) for k, v in story.mapping(result, "versions").items()),
         timings=[(stage, duration(time)) for stage, time in extras.timings.items()],
         total=duration(math.fsum(extras.timings.values())),
@@ -250,26 +263,37 @@ def _with_motion(evidence: Evidence, draw: Callable[[Trajectory], Sequence[Pictu
     return Section(pictures=draw(evidence.executed))
 
 
-def _variational(evidence: Evidence) -> tuple[str, Trajectory] | None:
+def _variational(result: Mapping[str, Any], evidence: Evidence) -> tuple[str, Trajectory] | None:
     """The variational optimum that is not executed itself: of the speed graph, else of the collocation."""
-    name = next((name for name in story.OPTIMA if name in evidence.plans), "")
+    name = next((name for name in story.optima(result) if name in evidence.plans), "")
     return (name, evidence.plans[name]) if name not in ("", evidence.executed_plan) else None
 
 
-def _compared(evidence: Evidence, plan: str) -> list[tuple[str, Trajectory]]:
+def _compared(result: Mapping[str, Any], evidence: Evidence, plan: str) -> list[tuple[str, Trajectory]]:
     """The variational optimum and the executed motion, as far as there are any."""
-    other, executed = _variational(evidence), evidence.executed
+    other, executed = _variational(result, evidence), evidence.executed
     found = [] if other is None else [other]
     return found if executed is None else [*found, (plan, executed)]
 
 
-def _margins(problem: Problem, evidence: Evidence, plan: str, motion: Trajectory) -> MarginsData:
-    other = _variational(evidence)
+def _margins(
+    problem: Problem,
+    result: Mapping[str, Any],
+    evidence: Evidence,
+    plan: str,
+    motion: Trajectory,
+    along: ZoneAlong | None,
+) -> MarginsData:
+    other = _variational(result, evidence)
+    own, compared = margins(motion, problem), () if other is None else margins(other[1], problem)
+    if along is not None:  # the disc is not what braking is measured by
+        own = (*filter(None, [along.margin()]), *(m for m in own if m.key != "braking"))
+        compared = tuple(m for m in compared if m.key != "braking")
     return MarginsData(
-        executed=margins(motion, problem),
+        executed=own,
         plan=plan,
         other="" if other is None else other[0],
-        variational={} if other is None else {margin.key: margin for margin in margins(other[1], problem)},
+        variational={margin.key: margin for margin in compared},
     )
 
 
@@ -328,7 +352,7 @@ def _bound_maps(
     problem: Problem, mesh: BoundMesh, result: Mapping[str, Any], evidence: Evidence
 ) -> Sequence[Picture]:
     """The certificate's pictures, the way on top being the one that the bound is compared with."""
-    names = [name for name in (upper(result)[1], *story.OPTIMA) if name in evidence.plans]
+    names = [name for name in (upper(result)[1], *story.optima(result)) if name in evidence.plans]
     way = None
     if names:
         time, proven = (story.travel_times(result).get(name) for name in (names[0], "lower_bound"))
@@ -349,44 +373,3 @@ def _mesh(problem: Problem, result: Mapping[str, Any], evidence: Evidence, extra
     pictures = draw_mesh(data)
     reason = evidence.reason("trajectories/collocation.csv", "trajectories/refined.csv")
     return Section(pictures=pictures, missing=f"Not drawn: {reason}." if reason else "")
-
-
-def _robot_rows(problem: Problem) -> list[tuple[str, str, str]]:
-    """Limit, value with unit, where it comes from."""
-    robot, braking = problem.robot, problem.braking
-
-    def limited(value: float, unit: str) -> str:
-        return f"{value:g}\u00a0{unit}" if math.isfinite(value) else "not limited"
-
-    return [
-        ("Radius", limited(robot.radius, "m"), "disc that contains the body"),
-        ("Mass", limited(robot.mass, "kg"), ""),
-        ("Wheelbase", limited(robot.wheelbase, "m"), ""),
-        ("Track", limited(robot.track, "m"), ""),
-        ("Height of the centre of mass", limited(robot.com_height, "m"), ""),
-        ("Friction μ", f"{robot.friction:g}", f"μg = {robot.friction_acceleration:.3f} m/s², eq. (A.2)"),
-        ("Braking a_b", limited(robot.max_braking, "m/s²"), "eq. (3.13)"),
-        ("Acceleration a_max", limited(robot.max_acceleration, "m/s²"), "drive limit"),
-        ("Top speed v_max", limited(robot.max_speed, "m/s"), ""),
-        (
-            "Steering ω_max",
-            limited(robot.max_steering, "rad"),
-            f"|κ| ≤ {robot.max_curvature:.3f} 1/m, eq. (A.1)",
-        ),
-        ("Steering rate", limited(robot.max_steering_rate, "rad/s"), ""),
-        ("Tip-over", limited(round(robot.tip_acceleration, 3), "m/s²"), "g w / 2h, eq. (A.3)"),
-        ("Reaction time", limited(braking.reaction_time, "s"), "braking law"),
-        ("Braking margin", limited(braking.margin, "m"), "braking law"),
-        (
-            "Friction reserve",
-            "kept" if problem.friction_reserve else "not asked for",
-            "full braking while turning",
-        ),
-        ("Start", _end(problem.start.position, problem.start.speed), ""),
-        ("Goal", _end(problem.goal.position, problem.goal.speed), ""),
-    ]
-
-
-def _end(position: tuple[float, float], speed: float | str) -> str:
-    pace = f"speed {speed}" if isinstance(speed, str) else f"speed {speed:g} m/s"
-    return f"({position[0]:g}, {position[1]:g}) m, {pace}".replace("-", "−")

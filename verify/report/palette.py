@@ -56,6 +56,8 @@ METHODS: Mapping[str, Method] = MappingProxyType(
                    light="#0072b2", dark="#4ba3e3", text="#00629a", marker="o", dash=(0, (2.2, 1.4))),
             Method(key="refined", label="Full-robot collocation", kind="optimised",
                    light="#009e73", dark="#2cc795", text="#00714f", marker="s"),
+            Method(key="uniform", label="Full robot, uniform braking", kind="optimised",
+                   light="#6f56b0", dark="#b3a0ec", text="#573f97", marker="p", dash=(0, (7, 2))),
             Method(key="simulation", label="Simulated run", kind="simulated",
                    light="#d55e00", dark="#ff8a4a", text="#a84900", marker="^", dash=(0, (4, 1, 1, 1))),
         )
@@ -116,6 +118,22 @@ def rank_variable(rank: int) -> str:
     return f"--rank-{min(max(rank, 1), len(RANKS))}"
 
 
+# What holds a motion at an instant, see `zone_along.LIMITS`; in pictures each has a row of its own besides.
+HOLDING: Mapping[str, Tone] = MappingProxyType(
+    {
+        "zone": Tone("#12809c", "#5cc3dd"),
+        "arc": Tone("#b4387c", "#f08cc0"),
+        "reserve": Tone("#c9661f", "#f5a06b"),
+        "friction": Tone("#a33d2a", "#f2897a"),
+        "tip": Tone("#7d4a24", "#d8a27c"),
+        "steering": Tone("#4b6b2b", "#a9cc83"),
+        "speed": Tone("#3f4a9c", "#9aa6f2"),
+        "drive": Tone("#b08a12", "#e3c766"),
+        "brakes": Tone("#7a6a12", "#c2b25a"),
+        "none": Tone("#8b9199", "#838b94"),
+    }
+)
+
 # Relative slack of a certificate's triangles, from loose to tight: the tight ones stand out on both grounds.
 SLACKS: tuple[Tone, ...] = (
     Tone("#faf4ec", "#241f22"),
@@ -164,6 +182,7 @@ _TONES: Mapping[str, Tone] = MappingProxyType(
         "--bad-fill": BAD_FILL,
         "--casing": CASING,
         **{rank_variable(k): tone for k, tone in enumerate(RANKS, 1)},
+        **{f"--holding-{key}": tone for key, tone in HOLDING.items()},
         **{f"--slack-{k}": tone for k, tone in enumerate(SLACKS, 1)},
         **{f"--band-{k}": tone for k, tone in enumerate(BANDS, 1)},
     }

@@ -16,6 +16,7 @@ from verify.report.figures_stops import StopsData, draw_stop_figures, draw_stops
 from verify.report.figures_tracking import TrackingData, draw_tracking
 from verify.report.numbers import number_in, seconds, with_unit
 from verify.report.section import Section
+from verify.report.stops_zone import ClaimedZones, claimed_zones, draw_stop_in_zone
 from verify.report.story_limits import (
     case_rows,
     margin,
@@ -26,6 +27,7 @@ from verify.report.story_limits import (
 )
 from verify.report.story_stops import StopStory, stop_story
 from verify.report.text import plain
+from vnav_drake.zones.convex_zone import ConvexZone
 
 if TYPE_CHECKING:
     from vnav_drake.scenario import Scenario
@@ -44,10 +46,18 @@ class Wired(Diagram, Protocol):
     def GetGraphvizString(self, max_depth: int | None = None) -> str: ...  # noqa: N802
 
 
-def simulation_sections(scenario: Scenario, result: Result, evidence: Evidence, plan: str) -> dict[str, Any]:
-    """Everything that the template's section on the simulation asks for."""
+def simulation_sections(
+    scenario: Scenario, result: Result, evidence: Evidence, plan: str, zone: ConvexZone | None = None
+) -> dict[str, Any]:
+    """What the template's section on the simulation asks for; `zone`: what stops claim, None for a disc."""
+    claims = _claims(scenario, evidence, zone)
     told = stop_story(
-        result, scenario.problem, evidence.stops, evidence.simulation, asked=scenario.simulation.stops > 0
+        result,
+        scenario.problem,
+        evidence.stops,
+        evidence.simulation,
+        asked=scenario.simulation.stops > 0,
+        claims=claims,
     )
     cases = case_rows(result)
     return {
@@ -56,6 +66,7 @@ def simulation_sections(scenario: Scenario, result: Result, evidence: Evidence, 
         "wheels_drawn": evidence.simulation is not None and bool(evidence.simulation.of_wheels("load")),
         "stops": told,
         **_stops(scenario, evidence, told),
+        "stops_zone": _stop_zone(scenario, evidence, told, claims),
         "limits": _limits(scenario, result),
         "limits_told": [*margin_sentences(result), *([] if margin(result) is None else [AT_PLAN])],
         "cases": cases,
@@ -65,6 +76,20 @@ def simulation_sections(scenario: Scenario, result: Result, evidence: Evidence, 
         "replay": REPLAY if evidence.has_replay else "",
         "replay_missing": "" if evidence.has_replay else _no_replay(result, evidence),
     }
+
+
+def _claims(scenario: Scenario, evidence: Evidence, zone: ConvexZone | None) -> ClaimedZones | None:
+    if zone is None or evidence.stops is None or evidence.simulation is None:
+        return None
+    return claimed_zones(scenario.problem, zone, evidence.stops, evidence.simulation)
+
+
+def _stop_zone(
+    scenario: Scenario, evidence: Evidence, told: StopStory, claims: ClaimedZones | None
+) -> Section:
+    if claims is None or evidence.stops is None or told.missing:
+        return Section(pictures=())
+    return Section(pictures=draw_stop_in_zone(scenario.problem, evidence.stops, claims))
 
 
 def _tracking(scenario: Scenario, evidence: Evidence, plan: str) -> Section:

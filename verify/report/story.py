@@ -14,8 +14,6 @@ from verify.report.numbers import (
     duration,
     exact,
     exact_percent,
-    fine_percent,
-    metres,
     number_in,
     percent_beside,
     seconds,
@@ -23,9 +21,9 @@ from verify.report.numbers import (
     with_unit,
     with_unit_beside,
 )
-from verify.report.palette import METHODS, method
-from verify.report.text import label, plain
-from verify.report.wording import CHECKS, GAPS, GATES, VERDICTS, GateWords
+from verify.report.palette import METHODS
+from verify.report.text import label
+from verify.report.wording import CHECKS, GATES, VERDICTS, GateWords
 
 Result = Mapping[str, Any]
 
@@ -211,10 +209,18 @@ def is_stuck(result: Result, name: str) -> bool:
     return mapping(mapping(result, "plans"), name).get("reached") is False
 
 
+def optima(result: Result) -> tuple[str, ...]:
+    """Plans of the variational optimum: with a zone that depends on the heading the collocation alone.
+
+    The speed graph then solves the isotropic relaxation, and its path is driven with the true zone.
+    """
+    return OPTIMA if mapping(result, "zone").get("isotropic") is not False else ("collocation",)
+
+
 def reference_plan(result: Result) -> str:
-    """What times are compared with: the variational optimum, else the lower bound."""
+    """What times are compared with: the variational optimum, else uniform braking, else the lower bound."""
     times = travel_times(result)
-    return next((name for name in (*OPTIMA, "lower_bound") if name in times), "")
+    return next((name for name in (*optima(result), "uniform", "lower_bound") if name in times), "")
 
 
 def travel_times(result: Result) -> dict[str, float]:
@@ -247,14 +253,19 @@ def unfinished(result: Result, *keys: str) -> str:
     return ""
 
 
+def zone_word(result: Result) -> str:
+    """What a stop has to stay within: the braking disc, or the zone where that depends on the heading."""
+    return "braking zone" if mapping(result, "zone").get("isotropic") is False else "braking disc"
+
+
 def stops_notes(result: Result, *, zone: bool = True, wheels: bool = True) -> list[str]:
-    """How many emergency stops left their braking disc, slid or lifted a wheel; nothing where none did.
+    """How many emergency stops left their braking zone, slid or lifted a wheel; nothing where none did.
 
     `zone`, `wheels`: which of these are asked for.
     """
     found = mapping(mapping(result, "simulation"), "emergency_stops")
     told = (
-        (zone, "left_zone", "end{} outside the braking disc that {} claim{}"),
+        (zone, "left_zone", f"end{{}} outside the {zone_word(result)} that {{}} claim{{}}"),
         (wheels, "slid", "slide{}"),
         (wheels, "lifted", "lift{} a wheel"),
     )
@@ -267,59 +278,6 @@ def stops_notes(result: Result, *, zone: bool = True, wheels: bool = True) -> li
                 f"{count(number)} {text.format('s', 'it', 's') if one else text.format('', 'they', '')}"
             )
     return notes
-
-
-def key_figures(result: Result, evidence: Evidence) -> list[KeyFigure]:
-    """What a reader looks for first."""
-    plan = executed_plan(result)
-    facts = mapping(mapping(result, "plans"), plan)
-    gates = {row.name: row for row in gate_rows(result)}
-    executed = is_executed(result)
-    own = method(plan).label if plan else ""
-    unused = "" if executed or not plan else f"{own}, not executed"
-    figures = [
-        KeyFigure("Travel time", seconds(number_in(facts, "travel_time")), unused or own),
-        KeyFigure("Path length", metres(number_in(facts, "length")), unused),
-    ]
-    if evidence.executed is not None:
-        drawn = method(evidence.executed_plan).label if evidence.executed_plan else "motion shown"
-        whose = "of the executed motion" if executed else f"{drawn}, not executed"
-        figures.append(KeyFigure("Top speed", f"{evidence.executed.v.max():.2f}\u00a0m/s", whose))
-    for name, title in (
-        ("braking_margin", "Least braking margin"),
-        ("constraint_violation", "Worst violation"),
-    ):
-        if name in gates:
-            row = gates[name]
-            figures.append(KeyFigure(title, row.value, f"must be {row.limit}" if row.limit != DASH else ""))
-    figures += [
-        KeyFigure(title, fine_percent(value) if key == "analytic" else gap_figure(result, key))
-        for key, title in GAPS.items()
-        if (value := number_in(result, "gaps", key)) is not None
-    ]
-    error = number_in(result, "simulation", "max_tracking_error")
-    if error is not None:
-        until = {"fell": ", until it fell", "": ""}.get(unfinished(result), ", as far as it came")
-        figures.append(KeyFigure("Largest tracking error", with_unit(error, "m"), f"in simulation{until}"))
-    stops = stops_figure(result)
-    if stops:
-        least = number_in(result, "simulation", "emergency_stops", "min_clearance")
-        near = [] if least is None else [f"least clearance {with_unit(least, 'm')}"]
-        figures.append(KeyFigure("Bad emergency stops", stops, "; ".join([*near, *stops_notes(result)])))
-    factor = number_in(result, "simulation", "margin", "factor")
-    if factor is not None:
-        figures.append(_grip(result, factor))
-    return figures
-
-
-def _grip(result: Result, factor: float) -> KeyFigure:
-    """The margin of the run; a speed that could be driven safely it is not."""
-    end = plain(words(mapping(mapping(result, "simulation"), "margin").get("ended_by")))
-    until = (
-        "the most that was tried" if end.startswith("nothing") else f"until it {end}" if end else "at most"
-    )
-    note = f"the speed, {until}, with drive and brakes to match; not a safe speed"
-    return KeyFigure("Grip in hand", f"{significant(factor)} ×", note)
 
 
 def stops_figure(result: Result) -> str:
@@ -342,7 +300,8 @@ def headline(result: Result) -> str:
         left = number_in(result, "simulation", "emergency_stops", "left_zone")
         tried = number_in(result, "simulation", "emergency_stops", "tried")
         stops = (
-            f", but {count(left)} of {count(tried)} stops leave{'s' * (left == 1.0)} their braking disc"
+            f", but {count(left)} of {count(tried)} stops leave{'s' * (left == 1.0)} their "
+            f"{zone_word(result)}"
             if left
             else ""
         )

@@ -20,7 +20,6 @@ from verify.report.numbers import (
 from verify.report.palette import method
 from verify.report.story import (
     FAILED,
-    OPTIMA,
     Result,
     check_rows,
     entries,
@@ -28,6 +27,7 @@ from verify.report.story import (
     gap_figure,
     gate_limit,
     mapping,
+    optima,
     words,
 )
 from verify.report.wording import STOPPED
@@ -71,7 +71,7 @@ def upper(result: Result) -> tuple[float | None, str]:
     plans, best = mapping(result, "plans"), proven * (1.0 + gap)
     times = {name: number_in(plans, name, "travel_time") for name in plans if isinstance(name, str)}
     near = {name: abs(time - best) for name, time in times.items() if time is not None}
-    found = min(near, key=lambda name: (near[name], name not in OPTIMA), default="")
+    found = min(near, key=lambda name: (near[name], name not in optima(result)), default="")
     return (times[found], found) if found and near[found] <= 1e-9 * best else (best, "")
 
 

@@ -13,6 +13,7 @@ from verify.judge.stops import SETTLING, STEP
 from verify.report.evidence import SimulatedRun
 from verify.report.numbers import DASH, count, number_in, seconds, significant, with_unit
 from verify.report.stops import LEAST_CLAIM, StopPaths
+from verify.report.stops_zone import ClaimedZones, zone_finding
 from verify.report.story import Result, entries, mapping, stops_notes, words
 from verify.report.text import label, plain
 from vnav_drake.problem import Problem
@@ -89,9 +90,18 @@ def _outcome(found: Mapping[str, Any], notes: Sequence[str]) -> str:
 
 
 def stop_story(
-    result: Result, problem: Problem, stops: StopPaths | None, run: SimulatedRun | None, *, asked: bool
+    result: Result,
+    problem: Problem,
+    stops: StopPaths | None,
+    run: SimulatedRun | None,
+    *,
+    asked: bool,
+    claims: ClaimedZones | None = None,
 ) -> StopStory:
-    """The stops in words; `asked`: whether the scenario asks for any."""
+    """The stops in words.
+
+    `asked`: whether the scenario asks for any; `claims`: the zones that they claim, where those are no discs.
+    """
     found = audit(result)
     if not found:
         gate = next((g for g in entries(result, "gates") if g.get("name") == "emergency_stops"), {})
@@ -108,7 +118,11 @@ def stop_story(
     more = int(bad) - len(failed)
     return StopStory(
         sentences=[*_sentences(result, found, problem), *_too_short(problem, stops)],
-        finding=[] if stops is None else finding(found, problem, stops, run),
+        finding=zone_finding(found, problem, claims)
+        if problem.zone is not None
+        else []
+        if stops is None
+        else finding(found, problem, stops, run),
         failed=failed,
         unlisted=f"{count(more)} more failed and are not listed." if failed and more > 0 else "",
     )

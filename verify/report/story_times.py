@@ -19,12 +19,12 @@ from verify.report.numbers import (
 from verify.report.palette import Method, method
 from verify.report.story import (
     NOT_PROMISED,
-    OPTIMA,
     Result,
     check_rows,
     executed_plan,
     is_executed,
     mapping,
+    optima,
     reference_plan,
     travel_times,
     words,
@@ -146,7 +146,7 @@ def against_best(result: Result, name: str, *, rest_ends: bool) -> str:
 def against_optimum(result: Result, name: str) -> str:
     """A plan's time against the variational optimum; empty without one, or where the way is another."""
     times = travel_times(result)
-    optimum = next((times[key] for key in OPTIMA if key in times), None)
+    optimum = next((times[key] for key in optima(result) if key in times), None)
     if name not in times or not optimum or goes_astray(result, name):
         return ""
     return f"{compared(times[name] / optimum - 1.0, 'above', 'below')} the variational optimum"
