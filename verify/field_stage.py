@@ -98,8 +98,7 @@ def run_fields(
         field_set = given_fields(parameters, problem.braking, robot.radius, reserve)
     if field_set is None:
         field_set = fit_fields(problem, plan.trajectory, parameters["count"])
-    path = path_along(plan.trajectory)
-    run = drive_fields(problem, path, field_set, dwell=parameters.get("dwell") or 0.0)
+    run = drive_fields(problem, plan.trajectory, field_set, dwell=parameters.get("dwell") or 0.0)
     about = {
         "count": len(field_set.max_speeds),
         "fitted": field_set.polygons is None,
@@ -111,7 +110,10 @@ def run_fields(
         "scanner_range": field_set.scanner_range(),
     }
     retimed = replace(
-        plan, trajectory=run.trajectory, path=path, details={**plan.details, "fields": dict(about)}
+        plan,
+        trajectory=run.trajectory,
+        path=path_along(run.trajectory),
+        details={**plan.details, "fields": dict(about)},
     )
     return FieldsStage(
         plan=retimed,

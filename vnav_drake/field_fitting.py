@@ -20,6 +20,7 @@ from vnav_drake.problem import PlanningError, Problem
 from vnav_drake.speed_profile import SPEED_REDUCTION, fastest_profile
 from vnav_drake.zones.convex_zone import ConvexZone
 from vnav_drake.zones.field_set import FieldSet
+from vnav_drake.zones.rows import GaugeRows, SteppedRows, row_limits
 from vnav_drake.zones.shapes import DiscZone
 
 Array = NDArray[np.float64]
@@ -121,9 +122,8 @@ def best_speeds(allowed: Array, planned: Array, length: Array, count: int) -> Ar
         least = np.where(better, choice[later, then], least)
     chosen = [0]
     for then in reversed(following):
-        if then[chosen[-1]] < 0:
-            break
-        chosen.append(int(then[chosen[-1]]))
+        if then[chosen[-1]] >= 0:  # else fewer cases do as well
+            chosen.append(int(then[chosen[-1]]))
     return candidates[chosen]
 
 
@@ -135,21 +135,24 @@ def _candidates(allowed: Array, planned: Array, length: Array) -> Array:
     return np.unique(np.concatenate([[min(allowed[0], planned.max())], useful]))
 
 
-def drive_fields(problem: Problem, path: Path, field_set: FieldSet, *, dwell: float = 0.0) -> FieldRun:
-    """The fastest motion of the full robot along a path under a field set.
+def drive_fields(
+    problem: Problem, trajectory: Trajectory, field_set: FieldSet, *, dwell: float = 0.0
+) -> FieldRun:
+    """The fastest motion of the full robot along a planned path under a field set.
 
     Parameters
     ----------
+    trajectory : the planned motion, in rows as short as `fastest_profile` makes them.
     dwell : [s], positive: the field is chosen by the place instead of by the speed alone, so that
-        none is watched for less than this (but for the last, where the route ends).
+        none is watched for less than this (but for the first, and the last, where the route ends).
 
     Raises
     ------
-    PlanningError : the least field is not free somewhere, or the path is kinked.
+    PlanningError : the least field is not free somewhere.
     """
-    rows, free = free_cases(problem, path, field_set)
+    rows, free = free_cases(problem, trajectory, field_set)
     speeds = np.asarray(field_set.max_speeds)
-    own = _smoothest(problem, field_set)
+    own = with_base(problem) if field_set.polygons is None else with_fields(problem, field_set)
     motion = fastest_profile(own, rows, model="full", at_most=speeds[free])
     if dwell <= 0.0:
         faster = np.maximum(motion.v[:-1], motion.v[1:])
@@ -157,15 +160,14 @@ def drive_fields(problem: Problem, path: Path, field_set: FieldSet, *, dwell: fl
         return FieldRun(field_set=field_set, trajectory=motion, case=case)
     held = _schedule(rows, free, motion, speeds, dwell)
     motion = fastest_profile(own, rows, model="full", at_most=speeds[held])
-    place = np.cumsum(rows.piece_length)[:-1]
     s = motion.arc_length
-    middle = 0.5 * (s[1:] + s[:-1])
-    case = held[np.searchsorted(place, np.append(middle, s[-1]))]
+    middle = np.append(0.5 * (s[1:] + s[:-1]), s[-1])
+    case = held[np.searchsorted(np.cumsum(rows.piece_length)[:-1], middle)]
     return FieldRun(field_set=field_set, trajectory=motion, case=case, dwell=dwell)
 
 
-def free_cases(problem: Problem, path: Path, field_set: FieldSet) -> tuple[Path, Cases]:
-    """The path in short pieces, and which is the largest field that is free all along each, (n,) from 0.
+def free_cases(problem: Problem, trajectory: Trajectory, field_set: FieldSet) -> tuple[Path, Cases]:
+    """The path in short rows, and which is the largest field that is free all along each, (n,) from 0.
 
     Fields of the base's shape are free where the base zone is at their speeds, so its own continuous limits
     serve; fields of their own shape are tried.
@@ -174,22 +176,50 @@ def free_cases(problem: Problem, path: Path, field_set: FieldSet) -> tuple[Path,
     ------
     PlanningError : not even the least field is free somewhere.
     """
-    limits = fastest_profile(_smoothest(problem, field_set), path, model="variational", ends="safe")
-    allowed = np.minimum(limits.v[1:], limits.v[:-1]) / (1.0 - SPEED_REDUCTION) * (1.0 + ROUNDING)
-    moving = np.diff(limits.arc_length) > 0.0
-    free = np.searchsorted(np.asarray(field_set.max_speeds), allowed[moving], side="right") - 1
-    if np.any(free < 0):
-        blocked = np.flatnonzero(moving)[np.argmax(free < 0)]
+    own = with_base(problem) if field_set.polygons is None else with_fields(problem, field_set)
+    rows, allowed = steady_limits(own, trajectory)
+    least = field_set.max_speeds[0]
+    free = np.searchsorted(np.asarray(field_set.max_speeds), allowed * (1.0 + ROUNDING), side="right") - 1
+    blocked = np.flatnonzero(free < 0)
+    if len(blocked) > 0:
+        i = blocked[0]
         raise PlanningError(
-            f"the least field, of {field_set.max_speeds[0]:.4g} m/s, is not free at "
-            f"({limits.x[blocked]:.3f}, {limits.y[blocked]:.3f}) m, where {allowed[blocked]:.4g} m/s are safe"
+            f"the least field, of {least:.4g} m/s, is not free at ({rows.x[i]:.3f}, {rows.y[i]:.3f}) m, where "
+            f"at most {allowed[i]:.4g} m/s are safe"
         )
-    return path_along(limits), free
+    return rows, free
 
 
-def _smoothest(problem: Problem, field_set: FieldSet) -> Problem:
-    """The problem whose zone says which fields are free: the base where they have its shape, else they."""
-    return with_base(problem) if field_set.polygons is None else with_fields(problem, field_set)
+def steady_limits(problem: Problem, trajectory: Trajectory) -> tuple[Path, Array]:
+    """The path in short rows, and a speed (n,) [m/s] with which the zone is free all along each.
+
+    At a steady speed nothing but the turn of the zone lies between the ends of a row (see `zones.rows`): with
+    the room n.p - h_body and the shape h_E at either end it is free for stopping distances D with
+
+        D h_E + (|kappa| + kappa^2 (R_body + R D)) l^2 / 8 <= n.p - h_body.
+    """
+    rows, zone = path_along(trajectory), problem.zone
+    if zone is None:
+        motion = fastest_profile(problem, rows, model="variational", ends="safe")
+        rows = path_along(motion)
+        moving = np.diff(motion.arc_length) > 0.0
+        slower = np.minimum(motion.v[1:], motion.v[:-1])[moving]
+        return rows, slower / (1.0 - SPEED_REDUCTION)
+    limits = row_limits(problem, zone, rows)
+    if isinstance(limits, SteppedRows):
+        return rows, limits.row_speed
+    if not isinstance(limits, GaugeRows):
+        raise TypeError(f"rows of {type(limits).__name__} have no steady speed")
+    bend, short = np.abs(limits.curvature), limits.length**2 / 8.0
+    sag = ((bend + bend**2 * limits.body) * short)[limits.row]
+    shape = limits.shape + (bend**2 * limits.zone.extent * short)[limits.row, None]
+    spare = limits.free - sag[:, None]
+    with np.errstate(divide="ignore"):
+        far = np.where(shape > 0.0, spare / np.where(shape > 0.0, shape, 1.0), math.inf)
+    room = np.full(len(rows.piece_length), limits.furthest)
+    np.minimum.at(room, limits.row, np.where(spare > 0.0, far, 0.0).min(axis=1))
+    law = limits.zone.law
+    return rows, law.speed(room + law.margin)
 
 
 def path_along(trajectory: Trajectory) -> Path:
@@ -207,14 +237,11 @@ def path_along(trajectory: Trajectory) -> Path:
 
 def _speeds_along(problem: Problem, trajectory: Trajectory) -> tuple[Array, Array, Array]:
     """Allowed and planned speed [m/s] and length [m] of short pieces of the route, (n,) each."""
-    limits = fastest_profile(with_base(problem), path_along(trajectory), model="variational", ends="safe")
-    length = np.diff(limits.arc_length)
-    moving = length > 0.0
-    allowed = np.minimum(limits.v[1:], limits.v[:-1])
+    rows, allowed = steady_limits(with_base(problem), trajectory)
+    ends = np.concatenate([[0.0], np.cumsum(rows.piece_length)])
     # v^2 is linear along each row of the plan
-    planned = np.sqrt(np.interp(limits.arc_length, trajectory.arc_length, np.square(trajectory.v)))
-    mean = 0.5 * (planned[1:] + planned[:-1])
-    return allowed[moving], mean[moving], length[moving]
+    planned = np.sqrt(np.interp(ends, trajectory.arc_length, np.square(trajectory.v)))
+    return allowed, 0.5 * (planned[1:] + planned[:-1]), rows.piece_length
 
 
 def _schedule(rows: Path, free: Cases, motion: Trajectory, speeds: Array, dwell: float) -> Cases:
