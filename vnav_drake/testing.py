@@ -56,7 +56,8 @@ def check_zone(zone: ConvexZone) -> None:
     trial = _Trial(zone)
     reasons = list(_form(trial))
     if not reasons:
-        reasons = [*_holds(trial), *_nested(trial), *_discs(trial), *_gauge(trial), *_with_law(trial)]
+        reasons = list(_holds(trial)) or list(_with_law(trial))
+        reasons += [*_nested(trial), *(list(_gauge(trial)) or _discs(trial))]
         shape = list(_continuous(trial)) or [*_convex(trial), *_slopes(trial)]
         reasons += shape or _dense(trial)  # where the shape is wrong, more would only follow
     if reasons:
