@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,16 +11,19 @@ from scipy.sparse.csgraph import connected_components
 
 from vnav_drake.lower_bound.certificate import Certificate
 from vnav_drake.lower_bound.cover import Cover, barycentric
+from vnav_drake.lower_bound.headings import named
 from vnav_drake.lower_bound.mesh import edges_of
 from vnav_drake.lower_bound.minorant import Choice
 from vnav_drake.lower_bound.program import Elements, Functional, Solution
 from vnav_drake.lower_bound.sheets import Sheets, sheets
+from vnav_drake.lower_bound.steepness import Directions
 from vnav_drake.problem import NoPathError, Problem
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 SAFETY = 1e-9  # the gradient stays this share below its bound, so that other roundings agree
+ALL_HEADINGS = 1e-6  # the same with a zone: whoever proves it for all headings needs room between them
 ROUNDING = 1e-12  # relative, of a difference of two values of u
 
 
@@ -36,6 +39,7 @@ class Assembly:
     ends: tuple[int, int]  # copies that contain start and goal
     start: Functional
     goal: Functional
+    directions: Directions | None = None  # with a zone: what bounds 1/V for every heading
 
     @property
     def rows(self) -> Indices:
@@ -71,11 +75,22 @@ def assemble(cover: Cover) -> Assembly:
         control[:, i, i] = vertex[:, i]
         control[:, j, k] = control[:, k, j] = len(used) + of_edge[:, i]
     elements = Elements(cover.corners(rows), control, choice.of(copies), len(used) + len(edge))
+    directions, zone = None, cover.ground.zone
+    if zone is not None:
+        directions = Directions.of(
+            zone,
+            cover.ground.features,
+            elements.corners,
+            elements.choice,
+            cover.flow[rows],
+            cover.heading[rows],
+        )
+        elements = replace(elements, allowed=directions.allowed(known=bool(cover.time.any())))
     start, goal = (
         _functional(elements, int(np.searchsorted(copies, copy)), point)
         for copy, point in zip((first, last), points, strict=True)
     )
-    return Assembly(cover, parts, choice, copies, elements, (first, last), start, goal)
+    return Assembly(cover, parts, choice, copies, elements, (first, last), start, goal, directions)
 
 
 def _functional(elements: Elements, row: int, point: Array) -> Functional:
@@ -87,7 +102,7 @@ def _functional(elements: Elements, row: int, point: Array) -> Functional:
 def certified(problem: Problem, assembly: Assembly, solution: Solution) -> Certificate:
     """u on the whole mesh: zero on parts that no motion from the start reaches."""
     cover, parts, elements = assembly.cover, assembly.sheets, assembly.elements
-    mesh, values = cover.mesh, _proven(elements, solution)
+    mesh, values = cover.mesh, _proven(assembly, solution)
     edge, of_edge = edges_of(parts.corner)
     u_vertex, u_edge = np.zeros(len(parts.place)), np.zeros(len(edge))
     for i in range(3):
@@ -99,6 +114,8 @@ def certified(problem: Problem, assembly: Assembly, solution: Solution) -> Certi
     size = float(np.abs(values).max(initial=0.0))
     choice, law = assembly.choice, problem.braking
     blocked = np.setdiff1d(np.arange(len(mesh.triangles)), parts.rows)
+    zone, law_of_zone = problem.zone, cover.ground.zone
+    least = choice.speed if law_of_zone is None else np.full_like(choice.speed, law_of_zone.law.slowest)
     return Certificate(
         vertices=mesh.vertices[parts.place],
         origin=mesh.lattice.origin,
@@ -112,7 +129,7 @@ def certified(problem: Problem, assembly: Assembly, solution: Solution) -> Certi
         u_vertex=u_vertex,
         u_edge=u_edge,
         feature=choice.feature,
-        speed=choice.speed,
+        speed=least,
         weight=np.stack([share, 1.0 - share], axis=1),
         start_triangle=assembly.ends[0],
         goal_triangle=assembly.ends[1],
@@ -121,11 +138,19 @@ def certified(problem: Problem, assembly: Assembly, solution: Solution) -> Certi
         goal=cover.ground.goal,
         law=np.array([problem.robot.radius, law.max_braking, law.reaction_time, law.margin, law.max_speed]),
         travel_time=max(0.0, assembly.goal(values) - assembly.start(values) - ROUNDING * size),
+        contact=None if zone is None else cover.flow[parts.rows],
+        zone=None if zone is None else named(zone),
     )
 
 
-def _proven(elements: Elements, solution: Solution) -> Array:
+def _proven(assembly: Assembly, solution: Solution) -> Array:
     """The control values scaled down until every corner keeps its bound, whatever the solver said."""
+    elements = assembly.elements
+    if assembly.directions is not None:
+        ratio = assembly.directions.worst(elements.gradient(solution.values), solution.weight)
+        if not 0.0 < ratio < np.inf:
+            return np.zeros_like(solution.values)
+        return np.asarray(solution.values / (ratio * (1.0 + ALL_HEADINGS)))
     bound = elements.bounds(solution.weight)
     values = solution.values
     for _ in range(5):  # scaling rounds anew, which shows where triangles are tiny

@@ -24,6 +24,7 @@ Effort = Literal["quick", "full"]
 Stop = Literal["gap", "budget", "time", "precision", "fault"]
 BUDGET = {"quick": 25_000, "full": 150_000}  # triangles of all programs together
 GROWTH = 1.35  # of the number of triangles from round to round
+AGAIN = 2  # times that a mesh is used with a zone: each time the sets of gradients are closer to what matters
 PRECISION = 0.003  # the solver's tolerance as a share of the gap that is expected
 FINEST, COARSEST = 1e-9, 1e-4  # of the solver's tolerance
 GOOD = frozenset({"Solved", "AlmostSolved"})
@@ -81,7 +82,7 @@ def lower_bound(
     cover = first_cover(ground, problem.world.bounds)
     best: Certificate | None = None
     rounds: list[Round] = []
-    spent = stalled = 0
+    spent = stalled = same = 0
     while True:
         try:
             assembly = assemble(cover)
@@ -117,8 +118,10 @@ def lower_bound(
             break
         if certificate.travel_time > 0.0:  # else the flow known before must do
             cover = _with_flow(assembly, solution)
-        marks = worst if cover.time.any() else _everywhere
-        cover = cover.grown(marks, int(GROWTH * len(cover.kept)) + 1)
+        same = same + 1 if cover.ground.zone is not None and same + 1 < AGAIN else 0
+        if same == 0:
+            marks = worst if cover.time.any() else _everywhere
+            cover = cover.grown(marks, int(GROWTH * len(cover.kept)) + 1)
     if not best.travel_time > 0.0:
         raise PlanningError("no lower bound was found: " + ", ".join({r.status for r in rounds}))
     return LowerBound(certificate=best, travel_time=best.travel_time, rounds=tuple(rounds), stopped=stop)
@@ -181,4 +184,19 @@ def _with_flow(assembly: Assembly, solution: Solution) -> Cover:
     flow = cover.flow.copy()
     flow[known] = WHERE_FLOWS * push[known] / push[known].sum(axis=1, keepdims=True)
     flow[known] += (1.0 - WHERE_FLOWS) / 3.0
-    return replace(cover, flow=flow, time=time_in)
+    heading = cover.heading
+    if solution.drift is not None:
+        heading = _headings(assembly, solution, solution.drift, known)
+    return replace(cover, flow=flow, time=time_in, heading=heading)
+
+
+def _headings(assembly: Assembly, solution: Solution, flow: Array, known: Mask) -> Array:
+    """Where the flow goes (t,) [rad], and where there is none, where u rises."""
+    cover, rows = assembly.cover, assembly.rows
+    drift = np.zeros((len(cover.time), 2))
+    np.add.at(drift, rows, flow)
+    rise = np.zeros_like(drift)
+    np.add.at(rise, rows, assembly.elements.gradient(solution.values).mean(axis=1))
+    way = np.where(known[:, None], drift, rise)
+    moving = np.hypot(way[:, 0], way[:, 1]) > 0.0
+    return np.where(moving, np.arctan2(way[:, 1], way[:, 0]), cover.heading)

@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 FORMAT = 1
+ZONE_FORMAT = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,6 +46,8 @@ class Certificate:
     goal: Array  # (2,) [m]
     law: Array  # (5,): radius [m], max_braking [m/s^2], reaction_time [s], margin [m], max_speed [m/s]
     travel_time: float  # [s], the bound
+    contact: Array | None = None  # (t, 3), with a zone: barycentric, where tangents touch for every heading
+    zone: str | None = None  # type and parameters of the zone as JSON; None: uniform braking
 
     def save(self, file: Path) -> None:
         """Write the arrays and their digest as a compressed .npz file."""
@@ -54,8 +57,13 @@ class Certificate:
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """All arrays in the types of the file."""
-        found: dict[str, NDArray[np.generic]] = {"format": np.array(FORMAT, dtype=np.int64)}
+        version = FORMAT if self.zone is None else ZONE_FORMAT
+        found: dict[str, NDArray[np.generic]] = {"format": np.array(version, dtype=np.int64)}
+        if self.zone is not None:
+            found["zone"] = np.frombuffer(self.zone.encode(), dtype=np.uint8)
         for field in fields(self):
+            if field.name == "zone" or getattr(self, field.name) is None:
+                continue
             value = np.asarray(getattr(self, field.name))
             narrow = field.name in _NARROW
             kind = np.float64 if value.dtype.kind == "f" else np.int32 if narrow else np.int64

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from vnav_drake.lower_bound.blocked import FREE, Solids, blocked_by
 from vnav_drake.lower_bound.exact import side_of
 from vnav_drake.lower_bound.features import Features
+from vnav_drake.lower_bound.headings import ZoneLaw, zone_law
 from vnav_drake.lower_bound.mesh import Mesh
 from vnav_drake.lower_bound.minorant import Choice, Law, choose
 from vnav_drake.problem import PlanningError, Problem
@@ -32,6 +33,7 @@ class Ground:
     law: Law
     start: Array  # (2,) [m]
     goal: Array  # (2,) [m]
+    zone: ZoneLaw | None = None  # where the speed depends on the heading
 
     @classmethod
     def of(cls, problem: Problem) -> Ground:
@@ -44,6 +46,7 @@ class Ground:
             ),
             problem.start.point,
             problem.goal.point,
+            zone_law(problem),
         )
 
 
@@ -57,6 +60,7 @@ class Cover:
     reason: Indices  # (t,), why a triangle is blocked, or `FREE`
     flow: Array  # (t, 3), barycentric: where in the triangle the optimal flow is thought to be
     time: Array  # (t,), share of the travel time that it spends there
+    heading: Array  # (t,) [rad], of that flow, as far as it is known; of use with a zone only
 
     @classmethod
     def begin(cls, ground: Ground, mesh: Mesh) -> Cover:
@@ -65,7 +69,9 @@ class Cover:
         every = np.arange(count)
         nearest = ground.features.nearest(mesh.points)
         reason = _reasons(ground, mesh, nearest, np.full(count, FREE), every)
-        return cls(ground, mesh, nearest, reason, np.full((count, 3), CENTRE), np.zeros(count))
+        way = ground.goal - ground.start
+        heading = np.full(count, np.arctan2(way[1], way[0]))
+        return cls(ground, mesh, nearest, reason, np.full((count, 3), CENTRE), np.zeros(count), heading)
 
     @property
     def kept(self) -> Indices:
@@ -77,7 +83,11 @@ class Cover:
         return self.mesh.points[self.mesh.triangles[rows]]
 
     def choice(self, rows: Indices) -> Choice:
-        """The best minorants for these triangles, where the flow is."""
+        """The best minorants for these triangles, where the flow is; with a zone, for its heading."""
+        zone = self.ground.zone
+        if zone is not None:
+            corners = self.corners(rows)
+            return zone.choice(self.ground.features, corners, self.flow[rows], self.heading[rows])
         candidate, distance = _candidates(self.ground, self.mesh, self.nearest, rows)
         return choose(self.ground.law, distance, candidate, self.flow[rows])
 
@@ -92,7 +102,9 @@ class Cover:
         new = np.flatnonzero((halves > 1) & (reason == FREE))
         reason = _reasons(self.ground, mesh, nearest, reason, new)
         flow = np.where((halves > 1)[:, None], CENTRE, self.flow[parent])
-        return Cover(self.ground, mesh, nearest, reason, flow, self.time[parent] / halves)
+        return Cover(
+            self.ground, mesh, nearest, reason, flow, self.time[parent] / halves, self.heading[parent]
+        )
 
     def grown(self, marks: Callable[[Cover], Mask], target: int) -> Cover:
         """Divided by `marks` again and again, until `target` triangles are kept or none is marked."""

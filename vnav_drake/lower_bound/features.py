@@ -54,6 +54,11 @@ class Features:
         """Row of the nearest feature of points (n, 2) [m]; (n,). Discs are seen as polygons here."""
         return np.asarray(self._tree.query_nearest(shapely.points(points), all_matches=False)[1])
 
+    def within(self, points: Array, far: Array) -> tuple[Indices, Indices]:
+        """All pairs of a point (n, 2) [m] and a feature at most `far` (n,) [m] from it: rows of both."""
+        row, which = self._tree.query(shapely.points(points), predicate="dwithin", distance=far)
+        return np.asarray(row), np.asarray(which)
+
     def distance(self, points: Array, which: Indices) -> Array:
         """Distance [m] of points (..., 2) [m] to feature `which` (...), negative within a disc; (...)."""
         a, b, r = self.table[which, :2], self.table[which, 2:4], self.table[which, 4]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydrake.solvers import ClarabelSolver, MathematicalProgram, SolverOptions
 
 from vnav_drake.lower_bound.cover import barycentric_gradients
+from vnav_drake.lower_bound.inscribed import Ellipses
 from vnav_drake.lower_bound.minorant import WEIGHT_GRID, Choice
 
 Array = NDArray[np.float64]
@@ -28,6 +29,7 @@ class Elements:
     control: Indices  # (t, 3, 3), number of the control value c_ij; symmetric
     choice: Choice  # of minorants
     count: int  # of control values
+    allowed: Ellipses | None = None  # of gradients at 3 t corners; None: discs as large as the minorants
 
     @cached_property
     def gradients(self) -> Array:
@@ -71,6 +73,7 @@ class Solution:
     time: Array  # (t, 3), share of the travel time the optimal flow spends near each corner: its multiplier
     push: Array  # (t, 3), the multipliers themselves: where the bound would be raised with most effect
     status: str
+    drift: Array | None = None  # (t, 2), the flow through each triangle; with `allowed` only
 
 
 @dataclass(frozen=True)
@@ -110,12 +113,10 @@ def solve(elements: Elements, start: Functional, goal: Functional, setting: Sett
     alpha = program.NewContinuousVariables(len(mixed), "alpha")
     share = np.empty(count, dtype=object)
     share[mixed] = alpha
-    first = limit[:, 0]
-    matrix = np.zeros((count, 3, 3, 4))  # triangle, corner, row of the cone, variable
-    matrix[:, :, 1:, :3] = np.swapaxes(rows, 1, 2)[:, None]
-    matrix[mixed, :, 0, 3] = (first - limit[:, 1])[mixed]
-    offset = np.zeros((count, 3, 3))
-    offset[:, :, 0] = np.where(choice.ridge[:, None], limit[:, 1], first)
+    if elements.allowed is None:
+        matrix, offset = _discs(rows, limit, choice)
+    else:
+        matrix, offset = _ellipses(rows, elements.allowed, typical, choice)
     cones = []
     for t, (mix, variables) in enumerate(zip(choice.ridge.tolist(), u[elements.control], strict=True)):
         width = 4 if mix else 3
@@ -128,20 +129,61 @@ def solve(elements: Elements, start: Functional, goal: Functional, setting: Sett
     program.AddLinearCost(-goal.factor, 0.0, u[goal.number])
     program.AddLinearCost(start.factor, 0.0, u[start.number])
     result = ClarabelSolver().Solve(program, None, setting.options())
-    multiplier = np.array([result.GetDualSolution(cone)[0] for cone in cones]).reshape(-1, 3)
     weight = np.ones(count)
     if len(mixed):
         weight[mixed] = _on_grid(result.GetSolution(alpha))
-    push = np.maximum(np.nan_to_num(multiplier), 0.0)
-    time = push * (elements.bounds(weight) / typical[:, None])
+    values, drift = np.nan_to_num(result.GetSolution(u)) * scale, None
+    if elements.allowed is None:
+        multiplier = np.array([result.GetDualSolution(cone)[0] for cone in cones]).reshape(-1, 3)
+        push = np.maximum(np.nan_to_num(multiplier), 0.0)
+        time = push * (elements.bounds(weight) / typical[:, None])
+    else:
+        dual = np.nan_to_num([result.GetDualSolution(cone)[1:] for cone in cones]).reshape(-1, 2)
+        flow = -np.einsum("cki,ck->ci", elements.allowed.inverse, dual).reshape(-1, 3, 2)
+        push, drift = np.hypot(flow[..., 0], flow[..., 1]), flow.sum(axis=1)
+        slope = elements.gradient(values) / typical[:, None, None]
+        time = np.maximum(np.einsum("tci,tci->tc", flow, slope), 0.0)
     total = float(time.sum())
     return Solution(
-        values=np.nan_to_num(result.GetSolution(u)) * scale,
+        values=values,
         weight=weight,
         time=time / total if total > 0.0 else time,
         push=push,
         status=str(result.get_solver_details().status),
+        drift=drift,
     )
+
+
+def _discs(rows: Array, limit: Array, choice: Choice) -> tuple[Array, Array]:
+    """Cones |g| <= m: matrix (t, 3, 3, 4), offset (t, 3, 3): triangle, corner, row of the cone, variable."""
+    mixed, first = choice.ridge, limit[:, 0]
+    matrix = np.zeros((len(rows), 3, 3, 4))
+    matrix[:, :, 1:, :3] = np.swapaxes(rows, 1, 2)[:, None]
+    matrix[mixed, :, 0, 3] = (first - limit[:, 1])[mixed]
+    offset = np.zeros((len(rows), 3, 3))
+    offset[:, :, 0] = np.where(mixed[:, None], limit[:, 1], first)
+    return matrix, offset
+
+
+def _ellipses(rows: Array, allowed: Ellipses, typical: Array, choice: Choice) -> tuple[Array, Array]:
+    """Cones |P^-1 (g - c)| <= sigma: c and sigma of the second ellipse, plus weight times the difference.
+
+    One triangle's gradients of control values are the same at its three corners: `rows` (t, 3, 2).
+    """
+    inverse = allowed.inverse.reshape(-1, 3, 2, 2)
+    centre = np.einsum("tcki,tcsi->tcsk", inverse, allowed.centre.reshape(-1, 3, 2, 2))
+    centre /= typical[:, None, None, None]
+    size = allowed.size.reshape(-1, 3, 2) / typical[:, None, None]
+    mixed = choice.ridge
+    matrix = np.zeros((len(rows), 3, 3, 4))
+    matrix[:, :, 1:, :3] = np.einsum("tcki,tji->tckj", inverse, rows)
+    matrix[mixed, :, 0, 3] = (size[..., 0] - size[..., 1])[mixed]
+    matrix[mixed, :, 1:, 3] = (centre[:, :, 1] - centre[:, :, 0])[mixed]
+    offset = np.zeros((len(rows), 3, 3))
+    which = mixed.astype(np.int64)[:, None]
+    offset[:, :, 0] = np.where(which == 1, size[..., 1], size[..., 0])
+    offset[:, :, 1:] = -np.where(which[..., None] == 1, centre[:, :, 1], centre[:, :, 0])
+    return matrix, offset
 
 
 def _on_grid(weight: Array) -> Array:

@@ -70,7 +70,11 @@ def losses(cover: Cover) -> Array:
     corners, minorant = cover.corners(rows), cover.choice(rows).corner[:, 0]
     spots = np.einsum("sk,tkd->tsd", _SPOTS, corners)
     free = _clearance(cover.ground, spots.reshape(-1, 2)).reshape(len(rows), len(_SPOTS))
-    slowness = cover.ground.law.slowness(free + cover.ground.law.level)
+    zone, heading = cover.ground.zone, np.repeat(cover.heading[rows], len(_SPOTS))
+    if zone is None:
+        slowness = cover.ground.law.slowness(free + cover.ground.law.level)
+    else:
+        slowness = zone.pace(cover.ground.features, spots.reshape(-1, 2), heading).reshape(free.shape)
     below = np.einsum("sk,tk->ts", _SPOTS, minorant)
     short = np.where(np.isfinite(slowness), 1.0 - below / slowness, 1.0)
     share = np.einsum("sk,tk->ts", _SPOTS, cover.flow[rows])

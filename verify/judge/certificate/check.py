@@ -23,7 +23,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from verify.judge.certificate import floating, rational
+from verify.judge.certificate import floating, headings, rational
 from verify.judge.certificate.blocked import check_blocked
 from verify.judge.certificate.bound import barycentric, float_at_most, potential
 from verify.judge.certificate.continuity import check_continuity
@@ -34,6 +34,7 @@ from verify.judge.certificate.sheets import Sheets
 from verify.judge.certificate.statement import statement_of
 from verify.judge.certificate.tiling import check_tiling
 from verify.judge.certificate.wording import listed, place_of
+from verify.judge.certificate.zone import zone_faults, zone_gauge
 from verify.judge.question import Question
 
 Array = NDArray[np.float64]
@@ -65,13 +66,20 @@ def check_certificate(file: CertificateFile, question: Question, *, exact: bool 
     Parameters
     ----------
     exact : use rational arithmetic throughout, else floating point with rounding bounds for the gradient
-        inequality, and integers wherever those cannot decide a question of geometry.
+        inequality, and integers wherever those cannot decide a question of geometry. With a zone that depends
+        on the heading there is floating point with rounding bounds only, and the statement says so.
     """
-    limits = question.setting.limits
+    limits, asked = question.setting.limits, question.setting.zone
+    exact = exact and asked is None  # for all headings floating point with slack is what there is
     faults = []
     if file.actual_digest() != file.digest.tobytes():
         faults.append("the digest is not that of the numbers: the file was changed after it was written")
     faults += question_faults(file, question)
+    of_zone = zone_faults(file, asked, limits)
+    gauge = None if asked is None else zone_gauge(asked, limits)
+    if asked is not None and gauge is None:
+        of_zone.append(f"the braking zone {asked.type} does not limit the speed for every heading")
+    faults += of_zone
     comparable = len(file.features) == len(question.features.table)
     sheets = Sheets.of(file)
     tiling = check_tiling(file, question.features, sheets)
@@ -89,7 +97,10 @@ def check_certificate(file: CertificateFile, question: Question, *, exact: bool 
             rows = slice(first, first + CHUNK)
             corners = corners_of(file, tiling.side_edges, tiling.twice_area, rows)
             minorants = minorants_of(file, question.features, limits, rows)
-            slack[rows] = arithmetic.slack(corners, minorants)
+            if gauge is not None and file.contact is not None:
+                slack[rows] = headings.slack(corners, minorants, file.contact[rows], gauge)
+            elif not of_zone:
+                slack[rows] = arithmetic.slack(corners, minorants)
         faults += _steep(file, slack)
     proven = Fraction(0)
     if tiling.side_edges is not None and positive:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 
 CERTIFICATE = "certificate.npz"
 FORMAT = 1
+ZONE_FORMAT = 2  # with a zone that depends on the heading: two arrays more
 MOST_LATTICE = 2**40  # of lattice coordinates: differences and their sums are exact in doubles
 MOST_ORIGIN = 2**50  # of origin / unit: lattice points in metres are exact in doubles
 UNIT_POWERS = (-60, 20)  # least and greatest power of two of the unit [m]
@@ -56,6 +58,8 @@ _LAYOUT: Layout = {
     "travel_time": ("<f8", ()),
     "digest": ("|u1", (32,)),
 }
+_ZONE_LAYOUT: Layout = {**_LAYOUT, "contact": ("<f8", ("t", 3)), "zone": ("|u1", ("z",))}
+MOST_ZONE = 2**20  # bytes of text
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +89,8 @@ class CertificateFile:
     law: Array  # (5,): radius [m], a_b [m/s^2], t_r [s], margin [m], v_max [m/s]
     travel_time: Array  # () [s], as claimed
     digest: NDArray[np.uint8]  # (32,)
+    contact: Array | None = None  # (t, 3), at least zero: the place in each triangle where tangents touch
+    zone: NDArray[np.uint8] | None = None  # (z,) text: type and parameters of the zone as JSON in UTF-8
 
     @cached_property
     def points(self) -> Array:
@@ -99,12 +105,13 @@ class CertificateFile:
     def actual_digest(self) -> bytes:
         """SHA-256 over all other arrays: per key in sorted order the key, dtype, shape and bytes."""
         sums = hashlib.sha256()
-        for key in sorted(_LAYOUT):
+        layout = _LAYOUT if self.zone is None else _ZONE_LAYOUT
+        for key in sorted(layout):
             if key != "digest":
                 array = np.ascontiguousarray(getattr(self, key)).reshape(getattr(self, key).shape)
-                parts = (key, np.dtype(_LAYOUT[key][0]).str, repr(array.shape))
+                parts = (key, np.dtype(layout[key][0]).str, repr(array.shape))
                 sums.update(b"".join(part.encode() + b"\0" for part in parts))
-                sums.update(array.astype(_LAYOUT[key][0], copy=False).tobytes())
+                sums.update(array.astype(layout[key][0], copy=False).tobytes())
         return sums.digest()
 
 
@@ -116,23 +123,37 @@ def read_certificate(folder: Path) -> CertificateFile | None:
     EvidenceError : truncated, not such an archive, an array missing, unknown, of another type or shape,
         a number not finite or out of range.
     """
-    arrays = read_archive(folder, CERTIFICATE, _LAYOUT)
+    layout = _layout(folder)
+    arrays = read_archive(folder, CERTIFICATE, layout)
     if arrays is None:
         return None
-    wrong = _size_faults(arrays)
+    wrong = _size_faults(arrays, layout)
     if not wrong:
         wrong = _number_faults(arrays)
     if wrong:
         raise EvidenceError(*(f"{CERTIFICATE}: {text}" for text in wrong))
-    return CertificateFile(**{field.name: arrays[field.name] for field in fields(CertificateFile)})
+    return CertificateFile(
+        **{field.name: arrays[field.name] for field in fields(CertificateFile) if field.name in arrays}
+    )
 
 
-def _size_faults(arrays: Mapping[str, NDArray[Any]]) -> list[str]:
-    wrong = shape_faults(arrays, _LAYOUT)
+def _layout(folder: Path) -> Layout:
+    """That of a file with a zone, where it has one; what is no archive is told when it is read."""
+    try:
+        with zipfile.ZipFile(folder / CERTIFICATE) as archive:
+            return _ZONE_LAYOUT if "zone.npy" in archive.namelist() else _LAYOUT
+    except (zipfile.BadZipFile, EOFError, OSError, NotImplementedError, RuntimeError, ValueError):
+        return _LAYOUT
+
+
+def _size_faults(arrays: Mapping[str, NDArray[Any]], layout: Layout) -> list[str]:
+    wrong = shape_faults(arrays, layout)
     if not wrong and arrays["feature"].shape[1] > MOST_SLOTS:
         wrong.append(f"feature: more than {MOST_SLOTS} terms a triangle")
     if not wrong and len(arrays["triangles"]) + len(arrays["dropped"]) > MOST_TRIANGLES:
         wrong.append(f"more than {MOST_TRIANGLES} triangles")
+    if not wrong and "zone" in arrays and len(arrays["zone"]) > MOST_ZONE:
+        wrong.append(f"zone: more than {MOST_ZONE} bytes")
     if not wrong and not len(arrays["triangles"]):
         wrong.append("triangles: none")
     return wrong
@@ -145,13 +166,17 @@ def _number_faults(arrays: Mapping[str, NDArray[Any]]) -> list[str]:
     def demand(key: str, good: NDArray[np.bool_], rule: str) -> None:
         wrong.extend(first_fault(key, arrays[key], good, rule))
 
-    for key, (dtype, _) in _LAYOUT.items():
+    for key, (dtype, _) in (_ZONE_LAYOUT if "zone" in arrays else _LAYOUT).items():
         if dtype == "<f8":
             finite = np.isfinite(arrays[key])
             if key == "law":
                 finite[4] |= arrays[key][4] == math.inf
             demand(key, finite, "must be finite")
-    demand("format", arrays["format"] == FORMAT, f"must be {FORMAT}")
+    version = ZONE_FORMAT if "zone" in arrays else FORMAT
+    demand("format", arrays["format"] == version, f"must be {version}")
+    if "zone" in arrays:
+        share = (arrays["contact"] >= 0.0) & (arrays["contact"] <= 2.0)
+        demand("contact", share, "must be from 0 to 2")
     vertices, triangles, features = (len(arrays[key]) for key in ("vertices", "triangles", "features"))
     for key in ("vertices", "box"):
         small = (arrays[key] <= MOST_LATTICE) & (arrays[key] >= -MOST_LATTICE)

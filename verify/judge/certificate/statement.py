@@ -9,6 +9,7 @@ from fractions import Fraction
 from verify.judge.certificate.file import CertificateFile
 from verify.judge.certificate.sheets import Sheets
 from verify.judge.question import Question
+from verify.judge.zones import AskedZone
 
 DIGITS = 6  # of seconds after the point
 
@@ -47,21 +48,50 @@ def statement_of(
     sides = f"{len(features.table)} sides, walls, points and circles with the boundary"
     clear = " that touches nothing on its way" if sheets.used else ""
     function = "function u, continuous off the walls" if sheets.used else "continuous function u"
+    law = (
+        f"a_b = {limits.braking:g} m/s^2, reaction time {limits.reaction_time:g} s, margin "
+        f"{limits.margin:g} m, {fastest}"
+    )
+    zone = question.setting.zone
+    speed = (
+        f"it can stop within its clearance at every instant: V is the greatest such speed ({law})"
+        if zone is None
+        else f"its braking zone ({_named(zone)}) is free at every instant: V(theta), which depends on the "
+        f"heading theta, is the greatest such speed ({law})"
+    )
+    steep = (
+        "|grad u| is at most a lower bound of 1/V that is affine on each triangle, so |grad u| <= 1/V"
+        if zone is None
+        else "the slope of u in every direction theta is at most a lower bound of 1/V(theta) that is affine "
+        "on each triangle, so it is at most 1/V(theta)"
+    )
+    inequalities = (
+        f"all {3 * kept} inequalities hold {arithmetic}"
+        if zone is None
+        else f"all {3 * kept} inequalities hold for all headings, proven between sampled ones as well, "
+        f"{arithmetic} (rational arithmetic is not available for zones that depend on the heading)"
+    )
     return (
         f"Asked: how fast {robot} can get from {start} to {goal} among the scenario's "
-        f"{_counted(len(features.names), 'obstacle')} ({sides}) if it can stop within its clearance at every "
-        f"instant: V is the greatest such speed (a_b = {limits.braking:g} m/s^2, reaction time "
-        f"{limits.reaction_time:g} s, margin {limits.margin:g} m, {fastest}). The certificate holds a "
+        f"{_counted(len(features.names), 'obstacle')} ({sides}) if {speed}. The certificate holds a "
         f"{function}, quadratic on each of {_counted(kept, 'triangle')}. With "
         f"{_counted(dropped, 'triangle')} in which the robot cannot move they tile the box from "
         f"{_point(low)} to {_point(high)}, which holds the whole floor; this was checked in integers. "
-        f"{_copies(sheets, kept)}At their corners |grad u| is at most a lower bound of 1/V that is affine on "
-        f"each triangle, so |grad u| <= 1/V everywhere on it: all {3 * kept} inequalities hold {arithmetic}, "
+        f"{_copies(sheets, kept)}At their corners {steep} everywhere on it: {inequalities}, "
         f"the tightest with a relative slack of {worst:.2g} at {_point(at)}. "
         f"So u grows by at most one second a second along any motion{clear}, and "
         f"u(goal) - u(start) is {seconds} s, rounded down. Hence: no motion of the variational model from "
         f"{start} to {goal}{clear}, in whatever homotopy class, takes less than {seconds} s."
     )
+
+
+def _named(zone: AskedZone) -> str:
+    """A zone in words, and whose word is taken for it."""
+    kind = f"of the type {zone.type}"
+    if zone.type == "field_set":
+        return f"{kind}: the base zone, which every field holds"
+    trusted = ", whose own support function is used and trusted to be that of a convex set"
+    return kind + (trusted if zone.plugin else "")
 
 
 def _copies(sheets: Sheets, kept: int) -> str:

@@ -1,0 +1,82 @@
+"""The zone that a certificate is about: read from the scenario, and what the file says of it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from verify.judge.certificate.file import CertificateFile
+from verify.judge.certificate.gauge import gauge_of
+from verify.judge.certificate.headings import ZoneGauge
+from verify.judge.limits import Limits
+from verify.judge.zones import AskedZone, GaugeZone
+
+HOLDS = 1e-9  # relative: what a field may lack of the base zone is rounding
+
+
+def zone_gauge(asked: AskedZone, limits: Limits) -> ZoneGauge | None:
+    """What the proof for all headings needs of a scenario's zone; None where no bound of the speed follows.
+
+    That is so for a zone that is no stopping distance times a shape, and for a shape without a disc around
+    the robot in it: there the speed is not limited for some heading, however near obstacles are.
+    """
+    if not isinstance(asked.zone, GaugeZone):
+        return None
+    gauge = gauge_of(asked.zone.shape)
+    if gauge is None:
+        return None
+    return ZoneGauge(gauge, min(asked.zone.body.inscribed, _at_most(asked, limits)))
+
+
+def _at_most(asked: AskedZone, limits: Limits) -> float:
+    """A disc no larger than what surely belongs to the body."""
+    return float("inf") if not asked.plugin else limits.radius + limits.margin
+
+
+def zone_faults(file: CertificateFile, asked: AskedZone | None, limits: Limits) -> list[str]:
+    """Whether the certificate was made for the scenario's zone."""
+    if asked is None:
+        return [] if file.zone is None else ["made for a braking zone; the scenario has uniform braking"]
+    if file.zone is None:
+        return [f"made for uniform braking; the scenario has the braking zone {asked.type}"]
+    kind, parameters = asked.type, dict(asked.parameters)
+    if kind == "field_set":
+        parameters = dict(parameters["base"])
+        kind = parameters.pop("type")
+    faults = _fields_faults(asked)
+    try:
+        told = json.loads(file.zone.tobytes().decode("utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
+        return [*faults, "the text that names its braking zone is none"]
+    if not isinstance(told, dict):
+        return [*faults, "the text that names its braking zone is none"]
+    if told.get("type") != kind:
+        faults.append(f"made for the braking zone {told.get('type')!a}; the scenario has {kind!a}")
+        return faults
+    for key, value in parameters.items():
+        # What a scenario leaves to be derived is derived again from the scenario, not read from the file.
+        if value is not None and told.get(key) != _plain(value):
+            faults.append(
+                f"made for braking.zone.{key} = {told.get(key)!a}; the scenario has {_plain(value)!a}"
+            )
+    return faults
+
+
+def _plain(value: Any) -> Any:
+    """As JSON gives it back."""
+    return json.loads(json.dumps(value, default=str))
+
+
+def _fields_faults(asked: AskedZone) -> list[str]:
+    """A bound for the base zone is one for fields that hold it: each at its greatest speed."""
+    if asked.fields is None or not isinstance(asked.zone, GaugeZone):
+        return []
+    faults = []
+    for number, (speed, field) in enumerate(zip(asked.fields.speeds, asked.fields.fields, strict=True)):
+        normal = field.kinks
+        if (field.support(normal) < asked.zone.support(normal, speed) * (1.0 - HOLDS)).any():
+            faults.append(
+                f"braking.zone.fields[{number}] does not hold the base zone at {speed:g} m/s: the bound is "
+                "for motions that keep the base zone free, and fields may allow more"
+            )
+    return faults
