@@ -18,6 +18,8 @@ import pytest
 from tests.report_case import warehouse, write_folder
 from tests.test_report import Page
 from tests.zone_case import write_zone_folder, zone_scenario
+from verify.replay_motion import zone_steps
+from verify.replay_shapes import fan, rim
 from verify.report import ReportExtras, write_report
 from verify.report.answer import answer
 from verify.report.evidence import SimulatedRun, read_evidence
@@ -32,6 +34,7 @@ from verify.report.zone_gain import gain, stretches
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
 from vnav_drake.zones.convex_zone import GaugeZone
+from vnav_drake.zones.field_set import FieldSet
 from vnav_drake.zones.shapes import EllipseZone, PolygonZone, ProtectiveField
 
 SPEED = 1.2  # [m/s], constant, along the bottom corridor of the warehouse
@@ -178,6 +181,37 @@ def test_analytic_plans_say_on_what_they_ran():
     assert relaxation_sentence({"plans": plans}) == ""
 
 
+# the replay
+
+
+def test_the_zone_of_the_replay_reaches_as_far_as_the_zone_in_every_frame():
+    speed = np.concatenate([np.linspace(0.0, 2.5, 40), np.linspace(2.5, 0.0, 25)])
+    zone = ellipse(0.5)
+    steps = zone_steps(zone, speed)
+    assert np.sum([step.shown for step in steps], axis=0).tolist() == [1] * len(speed)
+    for angle, axis in ((0.0, 0), (math.pi / 2, 1)):
+        reach = zone.support(np.full(len(speed), angle), speed)[0]
+        drawn = sum(step.shown * step.outline[:, axis].max() * step.stretch[:, axis] for step in steps)
+        assert drawn == pytest.approx(reach, rel=1e-12)
+
+
+def test_fields_of_the_replay_are_drawn_as_they_are():
+    zone = ellipse(0.5)
+    fields = FieldSet(law=zone.law, radius=zone.radius, base=zone, max_speeds=(1.0, 2.0))
+    slow, fast = zone_steps(fields, [0.0, 1.0, 1.01, 2.0])
+    assert slow.shown.tolist() == [True, True, False, False]
+    assert fast.shown.tolist() == [False, False, True, True]
+    assert fast.outline[:, 0].max() == pytest.approx(0.4 + 2.0, rel=1e-9)  # rho + v^2/(2 a)
+    assert np.all(slow.stretch[slow.shown] == 1.0)
+
+
+def test_outlines_of_the_replay_have_the_area_of_their_polygons():
+    square = np.array([[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+    for triangles, area in ((fan(square, 0.1), 4.0), (rim(square, 0.5, 0.1), 3.0)):
+        sides = triangles[:, 1:] - triangles[:, :1]
+        assert np.cross(sides[:, 0], sides[:, 1])[:, 2].sum() / 2.0 == pytest.approx(area, rel=1e-12)
+
+
 # the page
 
 
@@ -269,7 +303,7 @@ def test_without_uniform_braking_the_page_says_so(risky):
 
 def test_fields_are_listed_and_are_inputs_to_a_safety_case(risky):
     words = said(risky)
-    assert "2 fields stand for the zone, switched 1 times on the way." in words
+    assert "2 fields stand for the zone, switched once on the way." in words
     assert "They cost 2.10 % of travel time" in words
     assert "inputs to a safety case" in words
     assert re.search(r"\b1 1\.30 m/s 1\.30 m 2\.00 m 0\.250 m", words)

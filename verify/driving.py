@@ -100,6 +100,7 @@ def show_replay(stages: Stages, folder: Path) -> None:
             trajectory=plan.trajectory,
             run=run.columns,
             stops=[] if done.stops is None else closest_stops(scenario.problem, done.stops),
+            zone=None if done.fields is None else done.fields.field_set,
         )
 
     stages.run("replay", work, only_for="the replay")

@@ -18,7 +18,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams
 
-from verify.replay_motion import FALLEN, STOPPED, STOPPING, WHEELS, Frames, frames, key_rows
+from verify.replay_motion import (
+    FALLEN,
+    STOPPED,
+    STOPPING,
+    WHEELS,
+    Frames,
+    ZoneStep,
+    frames,
+    key_rows,
+    zone_steps,
+)
 from verify.replay_page import ReplayError, finished
 from verify.replay_scene import (
     BRAKING,
@@ -26,6 +36,8 @@ from verify.replay_scene import (
     BRAKING_STOP,
     PLACE_TOLERANCE,
     ROBOT,
+    UNIFORM,
+    UNIFORM_COLOUR,
     build_paths,
     build_robot,
     build_world,
@@ -39,6 +51,7 @@ from verify.report.speed_scale import speed_colours
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
 from vnav_drake.scenario import Scenario
+from vnav_drake.zones.convex_zone import ConvexZone
 
 Array = NDArray[np.float64]
 
@@ -47,6 +60,7 @@ __all__ = ["ReplayError", "write_replay"]
 HOST, PORT = "127.0.0.1", 0  # any free port
 LAPS = 1000  # how often the run is shown: the page plays until it is told to stop
 
+STRETCH_TOLERANCE = 2e-3  # of the zone's size, of animated sizes
 TURN_TOLERANCE = 4e-3  # [rad], of animated angles
 NEAR_BASES, NEAR_REACH = 14.0, 2.5  # distance of an onlooker that follows: wheelbases, greatest braking discs
 MODE_WORDS = {STOPPING: "emergency stop", STOPPED: "stopped", FALLEN: "fallen"}
@@ -60,12 +74,14 @@ def write_replay(
     run: Mapping[str, ArrayLike],
     title: str = "",
     stops: Sequence[ArrayLike] = (),
+    zone: ConvexZone | None = None,
 ) -> None:
     """Write the recorded run as a page to look at from all sides, whole or not at all.
 
     World, start and goal, the planned path coloured by its speed, the driven path; the robot with wheels
     that steer (Ackermann) and turn (as if they rolled without slip), upright, with its disc and the disc that
-    it may need to stop, rho + v t_r + v^2 / (2 a_b) + margin. A point robot is a marker.
+    it may need to stop, rho + v t_r + v^2 / (2 a_b) + margin. Where the scenario has a braking zone that turns
+    with the robot, that zone, and of the disc the rim. A point robot is a marker.
 
     Parameters
     ----------
@@ -77,6 +93,7 @@ def write_replay(
         are not looked at.
     title : name of the page, the scenario's when empty.
     stops : paths (n, 2) [m] of emergency stops to draw on the floor.
+    zone : what the run obeys where that is not the scenario's zone itself: fields fitted to it.
 
     Raises
     ------
@@ -87,6 +104,8 @@ def write_replay(
     problem = scenario.problem
     motion = frames(problem, run)
     lines = [_floor_path(stop) for stop in stops]
+    zone = problem.zone if zone is None else zone
+    around = [] if zone is None else zone_steps(zone, motion.v)
     with _quiet():
         try:
             meshcat = Meshcat(MeshcatParams(host=HOST, port=PORT, show_stats_plot=False))
@@ -94,12 +113,15 @@ def write_replay(
             raise ReplayError(f"Meshcat cannot start: {error}") from error
         build_world(meshcat, problem)
         build_paths(meshcat, problem, trajectory, motion, lines)
-        build_robot(meshcat, problem)
-        meshcat.SetAnimation(_animation(problem, motion))
+        build_robot(meshcat, problem, around)
+        meshcat.SetAnimation(_animation(problem, motion, around))
         page = str(meshcat.StaticHtml())
     name = title or scenario.name
     text = finished(
-        page, title=name, panel=_panel(problem, trajectory, motion, stops), data=_data(problem, motion)
+        page,
+        title=name,
+        panel=_panel(problem, trajectory, motion, stops, zoned=zone is not None),
+        data=_data(problem, motion),
     )
     write_whole(file, text)
 
@@ -126,10 +148,10 @@ def _floor_path(points: ArrayLike) -> Array:
     return line
 
 
-def _animation(problem: Problem, motion: Frames) -> MeshcatAnimation:
+def _animation(problem: Problem, motion: Frames, zone: Sequence[ZoneStep]) -> MeshcatAnimation:
     """Key frames: no more than straight lines between them need."""
     animation = MeshcatAnimation(motion.rate)
-    place, last = PLACE_TOLERANCE * problem.world.diameter, len(motion.x) - 1
+    place = PLACE_TOLERANCE * problem.world.diameter
     for row in key_rows(np.column_stack([motion.x, motion.y]), place).tolist():
         animation.SetProperty(row, ROBOT, "position", [float(motion.x[row]), float(motion.y[row]), 0.0])
 
@@ -142,30 +164,57 @@ def _animation(problem: Problem, motion: Frames) -> MeshcatAnimation:
         for name, steering, spin in zip(WHEELS, motion.steering.T, motion.spin.T, strict=True):
             turn(f"{ROBOT}/{name}", "z", steering)
             turn(f"{ROBOT}/{name}/spin", "y", spin)
-    grown = key_rows(motion.reach, place).tolist()
-    changed = [0, *(np.flatnonzero(np.diff(motion.alarm)) + 1).tolist(), last]
-    for path, shown in ((BRAKING, ~motion.alarm), (BRAKING_STOP, motion.alarm)):
-        for row in grown:
-            reach = float(motion.reach[row])
-            animation.SetProperty(row, path, "scale", [reach, reach, 1.0])
-        for row in changed:
-            animation.SetProperty(row, path, "visible", bool(shown[row]))
+    if zone:
+        _grow_zone(animation, motion, zone)
+        _grow(animation, UNIFORM, motion.reach, place)
+    else:
+        for path, shown in ((BRAKING, ~motion.alarm), (BRAKING_STOP, motion.alarm)):
+            _grow(animation, path, motion.reach, place)
+            _show(animation, path, shown)
     animation.set_autoplay(True)
     animation.set_loop_mode(MeshcatAnimation.LoopMode.kLoopRepeat)
     animation.set_repetitions(LAPS)
     return animation
 
 
+def _grow(animation: MeshcatAnimation, path: str, reach: Array, tolerance: float) -> None:
+    """A disc of radius 1 m as large as `reach` (n,) [m] at each frame."""
+    for row in key_rows(reach, tolerance).tolist():
+        animation.SetProperty(row, path, "scale", [float(reach[row]), float(reach[row]), 1.0])
+
+
+def _show(animation: MeshcatAnimation, path: str, shown: NDArray[np.bool_]) -> None:
+    """Seen in the frames where `shown` (n,)."""
+    changed = [0, *(np.flatnonzero(np.diff(shown)) + 1).tolist(), len(shown) - 1]
+    for row in changed:
+        animation.SetProperty(row, path, "visible", bool(shown[row]))
+
+
+def _grow_zone(animation: MeshcatAnimation, motion: Frames, zone: Sequence[ZoneStep]) -> None:
+    """The outline that goes with the speed, stretched to its size, in calm or in red."""
+    for k, step in enumerate(zone):
+        rows = key_rows(np.where(step.shown[:, None], step.stretch, 1.0), STRETCH_TOLERANCE).tolist()
+        for path, kind in ((BRAKING, ~motion.alarm), (BRAKING_STOP, motion.alarm)):
+            _show(animation, f"{path}/{k}", step.shown & kind)
+            if not np.any(step.shown & kind):
+                continue
+            for row in rows:
+                across = step.stretch[row] if step.shown[row] else np.ones(2)
+                animation.SetProperty(row, f"{path}/{k}", "scale", [float(across[0]), float(across[1]), 1.0])
+
+
 def _panel(
-    problem: Problem, trajectory: Trajectory, motion: Frames, stops: Sequence[ArrayLike]
+    problem: Problem, trajectory: Trajectory, motion: Frames, stops: Sequence[ArrayLike], *, zoned: bool
 ) -> dict[str, object]:
-    """What the panel shows."""
+    """What the panel shows; `zoned`: whether the zone is no disc."""
     shades = speed_colours(np.linspace(0.0, 1.0, 9), 1.0)
     scale = ", ".join("rgb({} {} {})".format(*np.rint(255.0 * shade).astype(int)) for shade in shades)
     swatches = [
         (method("simulation").light, "driven path and robot"),
-        (BRAKING_COLOUR, "what it may need to stop"),
+        (BRAKING_COLOUR, "braking zone" if zoned else "what it may need to stop"),
     ]
+    if zoned:
+        swatches.append((UNIFORM_COLOUR, "rim of the disc of uniform braking"))
     if motion.alarm.any():
         swatches.append((LIMIT.light, "the same, in an emergency stop or fallen"))
     if len(stops):

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from vnav_drake.problem import Problem
 from vnav_drake.robot import Robot
+from vnav_drake.zones.convex_zone import ConvexZone
+from vnav_drake.zones.field_set import FieldSet
 
 Array = NDArray[np.float64]
 
@@ -20,6 +22,8 @@ WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 FRAME_RATE = 30.0  # [1/s]
 MOST_FRAMES = 3000  # a longer run has fewer frames a second
 WHEEL_SHARE = 0.16  # radius of a wheel over the wheelbase
+ZONE_STEPS, OUTLINE = 12, 72  # outlines in which a zone that grows is drawn, corners of each
+_FINE = np.linspace(0.0, 1.0, 513)
 STOPPING, STOPPED, FALLEN = 1, 2, 3  # values of `mode`
 
 
@@ -123,6 +127,47 @@ def _mode(mode: Array, t: Array, now: Array) -> NDArray[np.int64]:
 def braking_reach(problem: Problem, speed: ArrayLike) -> Array:
     """Radius [m] of the disc that the robot may need to stop: rho + v t_r + v^2 / (2 a_b) + margin."""
     return problem.robot.radius + problem.braking.distance(np.abs(np.asarray(speed, dtype=float)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ZoneStep:
+    """The zone as it is drawn over a range of speeds: one outline, stretched to the size at each frame."""
+
+    outline: Array  # (k, 2) [m], at the top of the range, in the body's frame
+    shown: NDArray[np.bool_]  # (n,) frames in which the speed is in the range
+    stretch: Array  # (n, 2), ahead and across
+
+
+def zone_steps(zone: ConvexZone, speed: ArrayLike, steps: int = ZONE_STEPS) -> list[ZoneStep]:
+    """The zone at the speeds (n,) [m/s] of the frames, in `steps` outlines.
+
+    Between two steps the larger outline is stretched so that its reach ahead and across is exact. Fields that
+    are switched by speed are drawn one by one as they are.
+    """
+    v = np.abs(np.asarray(speed, dtype=float))
+    if isinstance(zone, FieldSet):
+        tops = np.array(zone.max_speeds)
+        inside = zone.case(v)
+    else:  # even in the stopping distance
+        far = zone.law.distance(v)
+        most = float(zone.law.distance(max(float(v.max()), 1e-3)))
+        edges = np.linspace(zone.law.margin, most, steps + 1)
+        inside = np.clip(np.searchsorted(edges, far) - 1, 0, steps - 1)
+        tops = np.interp(edges[1:], zone.law.distance(_FINE * v.max()), _FINE * v.max())
+    ahead, across = (_reach(zone, angle, v) for angle in (0.0, 0.5 * math.pi))
+    found = []
+    for step, top in enumerate(tops.tolist()):
+        shown = inside == step
+        if shown.any():
+            whole = [_reach(zone, angle, np.array([top]))[0] for angle in (0.0, 0.5 * math.pi)]
+            stretch = np.column_stack([ahead / whole[0], across / whole[1]])
+            found.append(ZoneStep(outline=zone.outline(top, OUTLINE), shown=shown, stretch=stretch))
+    return found
+
+
+def _reach(zone: ConvexZone, angle: float, speed: Array) -> Array:
+    """How far (n,) [m] the zone reaches in a direction; at least a little, as it divides."""
+    return np.maximum(zone.support(np.full(len(speed), angle), speed)[0], 1e-6)
 
 
 def wheel_radius(robot: Robot) -> float:

@@ -13,7 +13,7 @@ from pydrake.geometry import Box, Cylinder, Meshcat, Rgba, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
 from verify import replay_shapes as shapes
-from verify.replay_motion import WHEELS, Frames, key_rows, wheel_places, wheel_radius
+from verify.replay_motion import WHEELS, Frames, ZoneStep, key_rows, wheel_places, wheel_radius
 from verify.report.palette import CASING, FLOOR, INK, LIMIT, MUTED, PAPER, RACK, RACK_EDGE, RULE, method
 from verify.report.speed_scale import speed_colours
 from vnav_drake.plan import Trajectory
@@ -27,6 +27,7 @@ ROOT = "/replay"
 ROBOT = f"{ROOT}/robot"
 BRAKING, BRAKING_STOP = f"{ROBOT}/braking", f"{ROBOT}/braking_stop"  # discs of radius 1 m: calm, and red
 BRAKING_COLOUR = method("speed_graph").light
+UNIFORM, UNIFORM_COLOUR = f"{ROBOT}/uniform", method("uniform").light  # a rim of radius 1 m, beside a zone
 
 RISE_SHARE = 1.0 / 45.0  # height of what stands on the floor over the world's diameter
 LEDGE_SHARE = 0.12  # height of the outer wall over that: what touches it stays visible
@@ -176,13 +177,23 @@ def top_speed(trajectory: Trajectory) -> float:
     return float(trajectory.v.max()) or 1.0
 
 
-def build_robot(meshcat: Meshcat, problem: Problem) -> None:
-    """The robot at its own origin: the centre of mass over the floor, x forwards, y to the left."""
+def build_robot(meshcat: Meshcat, problem: Problem, zone: Sequence[ZoneStep] = ()) -> None:
+    """The robot at its own origin: the centre of mass over the floor, x forwards, y to the left.
+
+    With `zone` its outlines are what must be free, and of the disc of uniform braking the rim alone is drawn.
+    """
     robot, size = problem.robot, problem.world.diameter
     layer = LAYER_SHARE * size
     for path, colour in ((BRAKING, BRAKING_COLOUR), (BRAKING_STOP, LIMIT.light)):
-        _mesh(meshcat, f"{path}/area", shapes.ring(0.0, 1.0, 4.0 * layer), _rgba(colour, 0.28))
-        _mesh(meshcat, f"{path}/rim", shapes.ring(0.97, 1.0, 4.5 * layer), _rgba(colour))
+        for k, step in enumerate(zone):
+            around = step.outline
+            _mesh(meshcat, f"{path}/{k}/area", shapes.fan(around, 4.0 * layer), _rgba(colour, 0.28))
+            _mesh(meshcat, f"{path}/{k}/rim", shapes.rim(around, 0.97, 4.5 * layer), _rgba(colour))
+        if not zone:
+            _mesh(meshcat, f"{path}/area", shapes.ring(0.0, 1.0, 4.0 * layer), _rgba(colour, 0.28))
+            _mesh(meshcat, f"{path}/rim", shapes.ring(0.97, 1.0, 4.5 * layer), _rgba(colour))
+    if zone:
+        _mesh(meshcat, f"{UNIFORM}/rim", shapes.ring(0.985, 1.0, 3.5 * layer), _rgba(UNIFORM_COLOUR))
     if robot.radius == 0.0:
         radius = MARK_SHARE * size
         meshcat.SetObject(f"{ROBOT}/marker", Sphere(radius), _rgba(CASING.light))

@@ -126,6 +126,20 @@ def ribbon(points: ArrayLike, half_width: float, height: float) -> tuple[Array, 
     return np.concatenate([flat, np.full((*flat.shape[:2], 1), height)], axis=-1), rows[owner]
 
 
+def fan(outline: Array, height: float) -> Array:
+    """A convex outline (k, 2) [m] around the origin, filled: triangles (k, 3, 3) [m] that look upwards."""
+    a, b = outline, np.roll(outline, -1, axis=0)
+    flat = np.stack([np.zeros_like(a), a, b], axis=1)
+    return np.concatenate([flat, np.full((*flat.shape[:2], 1), height)], axis=-1)
+
+
+def rim(outline: Array, share: float, height: float) -> Array:
+    """The rim of a convex outline (k, 2) [m], from `share` of it outwards: triangles that look upwards."""
+    a, b = outline, np.roll(outline, -1, axis=0)
+    flat = np.concatenate([np.stack([share * a, a, b], axis=1), np.stack([share * a, b, share * b], axis=1)])
+    return np.concatenate([flat, np.full((*flat.shape[:2], 1), height)], axis=-1)
+
+
 def ring(inner: float, outer: float, height: float, centre: ArrayLike = (0.0, 0.0), sides: int = 72) -> Array:
     """A flat ring, a disc where `inner` is 0: triangles (n, 3, 3) [m] that look upwards."""
     angle = 2.0 * math.pi * np.arange(sides + 1) / sides

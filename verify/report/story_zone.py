@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from verify.report.figures_zone import HeldStop
 from verify.report.numbers import DASH, count, number_in, percent, seconds, significant, with_unit
@@ -19,6 +20,8 @@ from vnav_drake.problem import Problem
 from vnav_drake.zones.convex_zone import ConvexZone
 from vnav_drake.zones.field_set import FieldSet
 from vnav_drake.zones.shapes import EllipseZone, PolygonZone, ProtectiveField
+
+Array = NDArray[np.float64]
 
 ANALYTIC = ("voronoi_route", "vc_method", "speed_graph")
 SAFETY = "Fields are inputs to a safety case; nothing here makes a vehicle compliant with anything."
@@ -229,9 +232,10 @@ def _fields(result: Result, fields: Mapping[str, Any]) -> list[str]:
     told_of = mapping(told(result), "fields")
     if not told_of and not fields:
         return []
-    cost, switches = number_in(told_of, "cost"), len(entries(fields, "switches"))
+    cost = number_in(told_of, "cost")
+    switches = sum((number_in(item, "s") or 0.0) > 0.0 for item in entries(fields, "switches"))
     number = number_in(told_of, "count") or float(len(entries(fields, "cases")))
-    sentences = [f"{count(number)} fields stand for the zone, switched {count(switches)} times on the way."]
+    sentences = [f"{count(number)} fields stand for the zone, switched {_times(switches)} on the way."]
     if cost is not None:
         sentences.append(
             f"They cost {percent(cost)} of travel time against the zone that grows smoothly with the speed."
@@ -242,6 +246,10 @@ def _fields(result: Result, fields: Mapping[str, Any]) -> list[str]:
     return [*sentences, SAFETY]
 
 
+def _times(number: int) -> str:
+    return "once" if number == 1 else f"{count(number)} times" if number else "never"
+
+
 def _cases(fields: Mapping[str, Any], along: ZoneAlong | None) -> list[tuple[str, ...]]:
     """Rows of the table of fields."""
     rows: list[tuple[str, ...]] = []
@@ -249,9 +257,9 @@ def _cases(fields: Mapping[str, Any], along: ZoneAlong | None) -> list[tuple[str
     gaps = list(least) if isinstance(least, list | tuple) else []
     speeds = [number_in(item, "max_speed") for item in entries(fields, "cases")]
     for i, item in enumerate(entries(fields, "cases")):
-        corners = _corners(item)
-        ahead = DASH if corners is None else with_unit(float(corners[:, 0].max()), "m")
-        wide = DASH if corners is None else with_unit(float(np.ptp(corners[:, 1])), "m")
+        corners = corners_of(item)
+        ahead = with_unit(float(corners[:, 0].max()), "m") if len(corners) else DASH
+        wide = with_unit(float(np.ptp(corners[:, 1])), "m") if len(corners) else DASH
         gap = number_in({"gap": gaps[i]}, "gap") if i < len(gaps) else None
         share = DASH
         if along is not None and all(v is not None for v in speeds):
@@ -265,10 +273,11 @@ def _cases(fields: Mapping[str, Any], along: ZoneAlong | None) -> list[tuple[str
     return rows
 
 
-def _corners(item: Mapping[str, Any]) -> np.ndarray | None:
-    """Corners (m, 2) [m] of a field, None where the file does not hold such."""
+def corners_of(item: Mapping[str, Any]) -> Array:
+    """Corners (m, 2) [m] of a field of fields.json; none where the file does not hold such."""
     try:
         corners = np.asarray(item.get("polygon"), dtype=float)
     except (TypeError, ValueError):
-        return None
-    return corners if corners.ndim == 2 and corners.shape[1] == 2 and np.isfinite(corners).all() else None
+        return np.empty((0, 2))
+    whole = corners.ndim == 2 and corners.shape[1] == 2 and bool(np.isfinite(corners).all())
+    return corners if whole else np.empty((0, 2))

@@ -13,8 +13,10 @@ from verify.report.evidence import Evidence
 from verify.report.figures_fields import draw_fields
 from verify.report.figures_gain import GainData, draw_gain
 from verify.report.figures_zone import Frame, ShapeData, ZoneMapData, draw_promise, draw_shape, draw_zone_map
+from verify.report.numbers import number_in
 from verify.report.section import Section
-from verify.report.story_zone import ZoneStory, held_stops, zone_story
+from verify.report.story import entries
+from verify.report.story_zone import ZoneStory, corners_of, held_stops, zone_story
 from verify.report.zone_along import KEYS, LIMITS, ZoneAlong, zone_along
 from verify.report.zone_gain import gain, stretches
 from vnav_drake.problem import Problem
@@ -33,8 +35,14 @@ def zone_of(problem: Problem, evidence: Evidence) -> ConvexZone | None:
     zone = problem.zone
     if zone is None or isinstance(zone, FieldSet) or not evidence.fields:
         return zone
-    speeds = [item.get("max_speed") for item in evidence.fields.get("cases", ())]
-    return FieldSet(law=zone.law, radius=zone.radius, base=zone, max_speeds=tuple(map(float, speeds)))
+    cases = entries(evidence.fields, "cases")
+    speeds = tuple(number_in(item, "max_speed") or 0.0 for item in cases)
+    own = evidence.fields.get("fitted") is False  # polygons of the scenario, not fields of the zone
+    shapes = tuple(tuple((x, y) for x, y in corners_of(item).tolist()) for item in cases) if own else None
+    try:
+        return FieldSet(law=zone.law, radius=zone.radius, base=zone, max_speeds=speeds, polygons=shapes)
+    except ValueError:  # the judge says what is wrong with them
+        return zone
 
 
 def motion_zone(problem: Problem, evidence: Evidence) -> ZoneAlong | None:
