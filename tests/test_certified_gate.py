@@ -19,7 +19,7 @@ from verify.judge.bound import JOINTS, judge_bound, tolerated_time
 from verify.judge.certificate import Proof
 from verify.judge.checks import check_motion
 from verify.judge.gates import GATE_NAMES, Gate
-from verify.judge.verdict import _chosen, _nothing_to_refine, _sound
+from verify.judge.verdict import _chosen, _nothing_to_refine, _optimum, _sound
 from verify.pipeline import Missing, Outcome
 
 STATEMENT = "Every motion from start to goal takes at least so long."
@@ -343,7 +343,8 @@ def test_a_large_gap_says_nothing_against_ways_asked_for_by_name(folder, monkeyp
 )
 def test_a_motion_that_is_several_plans_at_once_goes_by_its_best_name(same, certified, chosen):
     plans = ("voronoi_route", "speed_graph", "collocation", "refined")
-    assert _chosen(plans, same[0] if same else None, same, certified) == chosen
+    optimum = _optimum(dict.fromkeys(plans, 1.0))
+    assert _chosen(optimum, same[0] if same else None, same, certified) == chosen
 
 
 @pytest.mark.parametrize(
@@ -366,7 +367,7 @@ def test_nothing_is_left_to_refine_where_the_optimum_itself_is_within_the_gate(
     times, sound, lower, value, certified
 ):
     gate = Gate(name="certified_gap", limit=0.03, value=value)
-    assert _nothing_to_refine(times, sound, lower, [gate]) is certified
+    assert _nothing_to_refine(times, _optimum(times), sound, lower, [gate]) is certified
 
 
 def test_every_gate_is_still_told_in_its_order():

@@ -13,7 +13,7 @@ from verify.judge.checks import check_motion, reaches
 from verify.judge.compare import compare
 from verify.judge.gates import Gate
 from verify.judge.motion import COLUMNS, Motion
-from verify.judge.verdict import _nothing_to_refine, _sound
+from verify.judge.verdict import _nothing_to_refine, _optimum, _sound
 
 V = math.sqrt(3.0) * 0.9  # [m/s]: below sqrt(2 a_b d) with d = 1.5 m
 
@@ -156,8 +156,8 @@ def test_a_run_that_ends_on_its_way_is_not_sound_though_it_keeps_its_promises():
     times = {name: motion.travel_time for name, motion in motions.items()}
     gate = Gate(name="certified_gap", value=0.0, limit=0.03)
     assert times["dwa"] < times["speed_graph"]
-    assert _nothing_to_refine(times, sound, times["speed_graph"], [gate])
-    assert not _nothing_to_refine(times, motions, times["speed_graph"], [gate])
+    assert _nothing_to_refine(times, _optimum(times), sound, times["speed_graph"], [gate])
+    assert not _nothing_to_refine(times, _optimum(times), motions, times["speed_graph"], [gate])
 
 
 def test_a_motion_reaches_its_ends_whatever_its_speed():

@@ -15,7 +15,7 @@ from verify.judge.compare import _same_text, compare
 from verify.judge.ends import end_cost, straight_time
 from verify.judge.finding import Check, Place
 from verify.judge.gates import GATE_NAMES, Gate, Times, gaps, gates
-from verify.judge.verdict import Judgement, _verdict
+from verify.judge.verdict import Judgement, _optimum, _verdict
 
 LIMITS = {
     "analytic_gap": 0.01,
@@ -227,7 +227,9 @@ SINGLE = check("tracking", 0.1, trajectory="single_track")
 def test_the_verdict_rule(executed, plans, checks, certified, verdict):
     # An unpromised violation of the executed plan counts: it must satisfy every limit, ends included.
     entries = [check(n, -1.0, 1.0, trajectory=t, status=s, promised=False) for t, n, s in checks]
-    found, reasons = _verdict(plans, executed, [*entries, TRACKED, STOPS], certified)
+    found, reasons = _verdict(
+        _optimum(dict.fromkeys(plans, 1.0)), executed, [*entries, TRACKED, STOPS], certified
+    )
     assert found == verdict
     assert bool(reasons) == (verdict == "failed")
 
@@ -238,9 +240,9 @@ def test_no_verdict_without_a_check_that_is_asked_for(silent):
     others = [other for other in (TRACKED, STOPS, SINGLE) if other is not silent]
     for status in ("not_evaluated", "failed"):
         found = [replace(silent, status=status), *others]
-        assert _verdict(("refined",), "refined", found, False)[0] == "failed"
+        assert _verdict("collocation", "refined", found, False)[0] == "failed"
     unwanted = replace(silent, status="not_evaluated", wanted=False)
-    assert _verdict(("refined",), "refined", [unwanted, *others], False)[0] == "refined"
+    assert _verdict("collocation", "refined", [unwanted, *others], False)[0] == "refined"
 
 
 @pytest.mark.parametrize(("bad", "passed"), [(None, None), (0, True), (2, True), (3, False)])

@@ -27,6 +27,8 @@ EXECUTED = "trajectory.csv"
 SIMULATION = "simulation.csv"
 SIMULATION_SINGLE_TRACK = "simulation_single_track.csv"  # of the pre-screen, beside the four-wheel run
 STOPS = "stops.npz"
+FIELDS = "fields.json"  # of a field set: the fields, where each is watched
+FIELDS_TABLE = "fields.csv"  # the same for people
 REPLAY = "replay.html"
 CERTIFICATE = "certificate.npz"
 SCHEMA = 1  # of result.json
@@ -38,6 +40,7 @@ MODEL_OF_PLAN: Mapping[str, str] = {
     "vc_method": "full",
     "speed_graph": "variational",
     "dwa": "full",
+    "uniform": "full",
     "collocation": "variational",
     "refined": "full",
 }
@@ -119,14 +122,24 @@ def read_result(folder: Path) -> dict[str, Any]:
     ------
     EvidenceError : missing, not JSON, not an object, or of another schema.
     """
-    data = read_bytes(folder, RESULT)
-    try:
-        result = json.loads(data.decode("utf-8"), parse_constant=_refuse_constant, parse_float=_finite_float)
-    except (ValueError, RecursionError) as error:  # decoding errors are ValueErrors
-        raise EvidenceError(f"{RESULT}: malformed: {error}") from error
+    result = read_json(folder, RESULT)
     if not isinstance(result, dict) or result.get("schema") != SCHEMA or "scenario_sha256" not in result:
         raise EvidenceError(f"{RESULT}: not a result of schema {SCHEMA}")
     return result
+
+
+def read_json(folder: Path, name: str) -> Any:
+    """One JSON file of the folder, with every number finite.
+
+    Raises
+    ------
+    EvidenceError : missing, or not JSON.
+    """
+    data = read_bytes(folder, name)
+    try:
+        return json.loads(data.decode("utf-8"), parse_constant=_refuse_constant, parse_float=_finite_float)
+    except (ValueError, RecursionError) as error:  # decoding errors are ValueErrors
+        raise EvidenceError(f"{name}: malformed: {error}") from error
 
 
 def _refuse_constant(word: str) -> float:
@@ -157,8 +170,8 @@ def sha256(data: bytes) -> str:
 def manifest(folder: Path) -> dict[str, str]:
     """SHA-256 of each evidence file that can be read, and of the report, by name."""
     found = {}
-    single = (SCENARIO, EXECUTED, SIMULATION, SIMULATION_SINGLE_TRACK, STOPS, CERTIFICATE, REPORT, REPLAY)
-    for name in sorted([*single, *trajectory_files(folder)]):
+    single = (SCENARIO, EXECUTED, SIMULATION, SIMULATION_SINGLE_TRACK, STOPS, FIELDS, FIELDS_TABLE)
+    for name in sorted([*single, CERTIFICATE, REPORT, REPLAY, *trajectory_files(folder)]):
         try:
             found[name] = sha256(read_bytes(folder, name))
         except EvidenceError:

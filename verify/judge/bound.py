@@ -10,9 +10,12 @@ from typing import Any
 from verify.digits import rounded
 from verify.evidence import MODEL_OF_PLAN
 from verify.judge.certificate import Proof
-from verify.judge.checks import ENDS, Setting
+from verify.judge.checks import Setting
+from verify.judge.ends import disc_around
 from verify.judge.finding import Check
 from verify.judge.motion import Motion
+from verify.judge.promises import ENDS
+from verify.judge.zones import GaugeZone
 
 NAME = "lower_bound"  # what the check is about, in place of a trajectory
 JOINTS = 2e-8  # [m]: more than the jumps between all rows of a motion that passes the check travel_time
@@ -96,6 +99,8 @@ def judge_bound(
     beaten = []
     for name, motion in sound.items() if proof.holds else ():
         own = {check.name: check for check in found if check.trajectory == name}
+        if own["braking_distance"].status != "passed":
+            continue  # of a plan that promises less than the bound is about
         least, tolerated = proof.travel_time, tolerated_time(motion, own, setting)
         if MODEL_OF_PLAN[name] == "full" and all(own[end].status == "passed" for end in ENDS):
             least += end_cost
@@ -116,16 +121,29 @@ def tolerated_time(motion: Motion, checks: Mapping[str, Check], setting: Setting
     1 + delta/(c - m): slowed by that factor (and by the excess over v_max) the motion obeys the law. Its
     rows may leave gaps, and its ends may miss start and goal, together by e. As distance is 1-Lipschitz,
     straight pieces across keep the clearance c - e, so they take at most e / V(c - e).
+
+    With a zone D E (+) body let n be a direction that shows the gap -delta at D, and rho and R the radii of
+    discs in E and around it. In this direction the gap with l D is -delta + (1 - l) D h(n) at least, h(n) >=
+    rho, and D is (c - m)/R at least, as the gap falls from c - m or more with D by R at most: it is none with
+    1 - l = delta R / (rho (c - m)). V(l D) >= l V(D), as V is concave and zero at 0. Across, V is that of a
+    disc around the zone, and m what this disc has at standstill beyond the robot's.
     """
-    clear = (checks["clearance"].worst or 0.0) - setting.limits.margin
+    limits, zone = setting.limits, None if setting.zone is None else setting.zone.zone
+    around = limits if zone is None else disc_around(limits, zone)
+    if around is None:
+        return math.inf
+    clear = (checks["clearance"].worst or 0.0) - around.margin
     miss = JOINTS
     for row, end in ((0, setting.start), (-1, setting.goal)):
         miss += math.hypot(motion.x[row] - end.position[0], motion.y[row] - end.position[1])
     if clear <= 2.0 * miss:
         return math.inf  # too close to the law's zero to say anything
-    short = max(0.0, -(checks["braking_distance"].worst or 0.0))
-    factor = (1.0 + short / clear) * (1.0 + (checks["speed"].violation or 0.0))
-    across = miss / setting.limits.safe_speed(setting.limits.margin + clear - miss)
+    short = max(0.0, -(checks["braking_distance"].worst or 0.0)) / clear
+    if isinstance(zone, GaugeZone) and short > 0.0:
+        less = short * zone.shape.extent / zone.shape.inscribed if zone.shape.inscribed > 0.0 else 1.0
+        short = less / (1.0 - less) if less < 1.0 else math.inf
+    factor = (1.0 + short) * (1.0 + (checks["speed"].violation or 0.0))
+    across = miss / around.safe_speed(around.margin + clear - miss)
     return (factor - 1.0) * motion.travel_time + across * factor
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,42 +18,12 @@ from verify.judge.finding import VIOLATION_TOLERANCE, Check, Place, finding
 from verify.judge.geometry import Surroundings
 from verify.judge.limits import Limits
 from verify.judge.motion import Motion
-from verify.judge.zones import AskedZone, asked_zone, least_separation
+from verify.judge.promises import ENDS, FIELD_PLAN, UNIFORM_PLAN, Promise, promise_of
+from verify.judge.zones import AskedZone, FieldSet, Zone, asked_zone, least_arc_room, least_separation
 
 Array = NDArray[np.float64]
 
-ENDS = frozenset({"start", "goal"})
 
-
-@dataclass(frozen=True, kw_only=True)
-class Promise:
-    """Which checks a plan promises to pass; without `end_motion` it promises no speed or heading there."""
-
-    checks: frozenset[str]
-    end_motion: bool
-    by: str  # whose promise it is, in words
-
-
-# The variational model: uniform braking alone, any end speed and heading.
-_VARIATIONAL = Promise(
-    checks=frozenset({"boundary", *ENDS, "clearance", "braking_distance", "speed", "travel_time"}),
-    end_motion=False,
-    by="the variational model",
-)
-# Methods of the full robot that promise less than all. The vc-method follows the Voronoi arcs whether or not
-# the wheels can turn that tightly; the dynamic window approach may get stuck on its way.
-_BASELINES = {
-    "vc_method": Promise(
-        checks=_VARIATIONAL.checks | {"friction_circle", "tip_over", "drive"},
-        end_motion=False,
-        by="the vc-method",
-    ),
-    "dwa": Promise(
-        checks=_VARIATIONAL.checks - {"goal"} | {"friction_circle", "tip_over", "drive", "steering"},
-        end_motion=True,
-        by="the dynamic window approach",
-    ),
-}
 KINK_TOLERANCE = 1e-6  # [rad]: heading jumps that count as a kink, all together; rounding gives 1e-12
 
 
@@ -63,7 +34,8 @@ class Setting:
     limits: Limits
     surroundings: Surroundings
     features: Features  # what stands in the way, side by side
-    zone: AskedZone | None  # what must be free where that depends on the heading; None: a disc
+    zone: AskedZone | None  # what must be free where that is not the disc of uniform braking
+    fields: FieldSet | None  # what must be free of the plan that is driven under a field set
     start: Any  # the scenario's raw start: position [m], speed [m/s or a word], heading [rad or None]
     goal: Any
 
@@ -76,33 +48,49 @@ class Setting:
         ZoneError : as from `asked_zone`.
         """
         limits = Limits.from_spec(spec)
+        zone = asked_zone(spec, limits)
         return cls(
             limits=limits,
             surroundings=Surroundings.from_spec(spec.world),
             features=Features.from_spec(spec.world),
-            zone=asked_zone(spec, limits),
+            zone=zone,
+            fields=None if zone is None else zone.fields,
             start=spec.start,
             goal=spec.goal,
         )
 
+    @property
+    def isotropic(self) -> bool:
+        """Whether paths are planned with a disc, in which the heading does not matter."""
+        return self.zone is None or self.zone.isotropic
+
+    def zone_of(self, plan: str) -> Zone | None:
+        """What must be free in a plan; None for the disc of uniform braking."""
+        if plan == FIELD_PLAN and self.fields is not None:
+            return self.fields
+        return None if self.zone is None else self.zone.zone
+
 
 def check_motion(motion: Motion, name: str, model: str, setting: Setting) -> tuple[Check, ...]:
     """All checks of one trajectory; those that the plan `name` of `model` does not promise are marked so."""
-    rules: tuple[Callable[[Motion, Setting], Check], ...] = (
+    zone = setting.zone_of(name)
+    rules: list[Callable[[Motion, Setting], Check]] = [
         _boundary,
         _start,
         _goal,
         _clearance,
-        _braking_distance,
+        partial(_braking_distance, zone=zone),
+        *_zone_rules(name, zone, setting),
         _friction_circle,
         _tip_over,
         _steering,
         _drive,
         _speed,
         _travel_time,
-    )
+    ]
     found = [replace(rule(motion, setting), trajectory=name) for rule in rules]
-    promise = _VARIATIONAL if model == "variational" else _BASELINES.get(name)
+    within = setting.zone is None or setting.zone.within_disc(setting.limits)
+    promise = promise_of(name, model, zone_within_disc=within)
     if promise is not None:
         found = [entry for check in found for entry in _as_promised(check, promise, motion, setting)]
     return tuple(found)
@@ -152,10 +140,32 @@ def _clearance(motion: Motion, setting: Setting) -> Check:
     return finding("clearance", -1.0, "crossing", at, "the centre touches or crosses an obstacle")
 
 
-def _braking_distance(motion: Motion, setting: Setting) -> Check:
-    if setting.zone is not None:
-        least = least_separation(motion, setting.features.table, setting.zone.zone)
-        return _margin_finding("braking_distance", least, "between the braking zone and obstacles, at least")
+def _braking_distance(motion: Motion, setting: Setting, zone: Zone | None) -> Check:
+    if zone is None:
+        return _uniform_distance(motion, setting, name="braking_distance")
+    least = least_separation(motion, setting.features.table, zone)
+    own = " (by the functions of the plugin)" if setting.zone is not None and setting.zone.plugin else ""
+    what = f"between the braking zone{own} and what stands in the way, at least"
+    return _margin_finding("braking_distance", least, what)
+
+
+def _zone_rules(
+    name: str, zone: Zone | None, setting: Setting
+) -> Iterator[Callable[[Motion, Setting], Check]]:
+    """What else is to be checked of a plan where the zone is not a disc."""
+    asked = setting.zone
+    if asked is None or zone is None:
+        return
+    if name == UNIFORM_PLAN:
+        yield _uniform_distance
+    # Fitted fields hold the base zone, and it the arcs.
+    held = asked.zone if asked.fields is None else zone
+    if setting.limits.reserves_friction and not (asked.isotropic and held is asked.zone):
+        yield partial(_braking_arc, zone=held)
+
+
+def _uniform_distance(motion: Motion, setting: Setting, name: str = "uniform_distance") -> Check:
+    """Uniform braking, in every direction."""
     limits = setting.limits
     need = Need(
         constant=limits.radius + limits.margin,
@@ -163,7 +173,16 @@ def _braking_distance(motion: Motion, setting: Setting) -> Check:
         quadratic=0.5 / limits.braking,
     )
     least = least_margin(motion, setting.surroundings.distance, need)
-    return _margin_finding("braking_distance", least, "left after stopping, at least")
+    return _margin_finding(name, least, "left after stopping, at least")
+
+
+def _braking_arc(motion: Motion, setting: Setting, zone: Zone) -> Check:
+    """Stops with full braking and the steering held, for which friction is kept, stay in the zone."""
+    least = least_arc_room(motion, zone, setting.limits)
+    if least is None:
+        text = "the robot never moves"
+        return Check(name="braking_arc", trajectory="", status="not_evaluated", message=text)
+    return _margin_finding("braking_arc", least, "in the zone beside stops with the steering held, at least")
 
 
 def _margin_finding(name: str, least: LeastMargin, what: str) -> Check:

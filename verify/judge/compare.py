@@ -52,10 +52,11 @@ def compare(result: Mapping[str, Any], judgement: Judgement) -> tuple[str, ...]:
     ]
     found += [
         f"{name}: claimed, but there is no evidence for it"
-        for name in ("executed", "simulation", "lower_bound")
+        for name in ("executed", "simulation", "lower_bound", "zone")
         if name in result and name not in expected
     ]
     found += _simulation_claims(expected.get("simulation"), result.get("simulation"))
+    found += _zone_claims(expected.get("zone"), result.get("zone"))
     found.sort(key=lambda reason: not _DECISIVE.match(reason))
     if len(found) > LISTED:
         found = [*found[:LISTED], f"and {len(found) - LISTED} more differences"]
@@ -72,6 +73,22 @@ def _simulation_claims(expected: Any, claimed: Any) -> list[str]:
     if isinstance(stops, Mapping) and isinstance(told, Mapping):
         extra = sorted(set(map(str, told)) - set(stops))
         found += [f"simulation.emergency_stops.{name}: claimed, but not found" for name in extra]
+    return found
+
+
+def _zone_claims(expected: Any, claimed: Any) -> list[str]:
+    """What a result says of the zone's promise and its fields without evidence for it."""
+    if not isinstance(expected, Mapping) or not isinstance(claimed, Mapping):
+        return []  # told where the sections are compared
+    found = [
+        f"zone.{name}: claimed, but there is no evidence for it"
+        for name in ("promise", "fields")
+        if name in claimed and name not in expected
+    ]
+    kept, told = expected.get("promise"), claimed.get("promise")
+    if isinstance(kept, Mapping) and isinstance(told, Mapping):
+        extra = sorted(set(map(str, told)) - set(kept))
+        found += [f"zone.promise.{name}: claimed, but not found" for name in extra]
     return found
 
 

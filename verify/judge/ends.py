@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,16 +12,28 @@ from scipy.optimize import brentq
 
 from verify.judge.geometry import Surroundings
 from verify.judge.limits import Limits
+from verify.judge.zones import Zone
+from verify.judge.zones.zone import GaugeZone
 
 
-def end_cost(limits: Limits, surroundings: Surroundings, start: Any, goal: Any) -> float:
+def end_cost(
+    limits: Limits, surroundings: Surroundings, start: Any, goal: Any, zone: Zone | None = None
+) -> float:
     """Time [s] E such that no motion with these end speeds beats T* + E; zero for safe ends.
 
     T* is the optimum of the variational model, whose ends are safe. E is the sum over both ends of
     `_cost`, cut off at lengths that together do not exceed the distance from start to goal: where the
     best lengths are longer, both are shortened in proportion, as any length gives a true bound.
+
+    Of a zone that is not a disc a disc around it gives the time along the chords (`_cost`): what is safe with
+    that is safe with the zone, so the chord takes no longer than it says. Zero where there is none.
     """
     ends = ((start, limits.acceleration), (goal, limits.braking))
+    if zone is not None:
+        around = disc_around(limits, zone)
+        if around is None:
+            return 0.0
+        limits = around
     clear = [_clearance(limits, surroundings, end) for end, _ in ends]
     best = [_best_cut(limits, end, rate, c) for (end, rate), c in zip(ends, clear, strict=True)]
     total = sum(best)
@@ -33,7 +46,29 @@ def end_cost(limits: Limits, surroundings: Surroundings, start: Any, goal: Any) 
     )
 
 
-def straight_time(limits: Limits, surroundings: Surroundings, start: Any, goal: Any) -> float:
+def disc_around(limits: Limits, zone: Zone) -> Limits | None:
+    """The limits with uniform braking whose disc holds the zone at every speed; None where none is known.
+
+    D(v) E (+) body lies in the disc of radius R_body + R_E D(v), R the greatest distances from the centre.
+    """
+    if not isinstance(zone, GaugeZone):
+        return None
+    return _with_disc(limits, zone.shape.extent, zone.body.extent)
+
+
+def _with_disc(limits: Limits, share: float, body: float) -> Limits:
+    """The law whose disc has the radius `body` + `share` D(v)."""
+    return replace(
+        limits,
+        braking=limits.braking / share,
+        reaction_time=limits.reaction_time * share,
+        margin=body - limits.radius,
+    )
+
+
+def straight_time(
+    limits: Limits, surroundings: Surroundings, start: Any, goal: Any, zone: Zone | None = None
+) -> float:
     """Least time [s] of any motion with these end speeds: the straight way with nothing in it.
 
     Derived. No path is shorter than the distance D from start to goal, and along a path the drive limits
@@ -41,9 +76,10 @@ def straight_time(limits: Limits, surroundings: Surroundings, start: Any, goal: 
     with a_max to the peak p and brakes with a_b, (p^2 - v0^2)/(2 a_max) + (p^2 - v1^2)/(2 a_b) = D, or
     cruises at v_max in between. A safe end has any speed up to V(d) there, of which the best is the greatest
     that the other end's speed can be reached from within D. Where even p = max(v0, v1) takes more than D the
-    path is longer, and the time that of this p.
+    path is longer, and the time that of this p. With a zone that is not a disc V is that of a disc inside,
+    with which nothing is slower; without one only v_max limits it.
     """
-    v0, v1 = (_speed(limits, surroundings, end) for end in (start, goal))
+    v0, v1 = (_speed(limits, surroundings, end, zone) for end in (start, goal))
     gain, brake = limits.acceleration, limits.braking
     distance = math.dist(start.position, goal.position)
     if start.speed == "safe":
@@ -62,8 +98,12 @@ def _clearance(limits: Limits, surroundings: Surroundings, end: Any) -> float:
     return float(surroundings.distance(np.array([end.position]))[0]) - limits.radius
 
 
-def _speed(limits: Limits, surroundings: Surroundings, end: Any) -> float:
+def _speed(limits: Limits, surroundings: Surroundings, end: Any, zone: Zone | None) -> float:
     if end.speed == "safe":
+        if zone is not None:
+            if not isinstance(zone, GaugeZone) or zone.shape.inscribed == 0.0:
+                return limits.speed
+            limits = _with_disc(limits, zone.shape.inscribed, zone.body.inscribed)
         return limits.safe_speed(_clearance(limits, surroundings, end))
     return 0.0 if end.speed == "rest" else float(end.speed)
 

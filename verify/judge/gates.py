@@ -67,22 +67,33 @@ class Times:
     best_variational: float | None = None  # least feasible time of the variational model
     lower_bound: float | None = None
     end_cost: float = 0.0
+    isotropic: bool = True  # whether the braking zone is a disc, as the speed graph has it
 
     @property
     def variational(self) -> float | None:
-        """The variational optimum: of the speed graph, else of the collocation."""
-        return self.collocation if self.speed_graph is None else self.speed_graph
+        """The variational optimum: of the speed graph, else of the collocation.
+
+        With a zone that depends on the heading the speed graph solves what stands for it, and its path is
+        timed again: then there is an optimum only of the collocation, and the better of both is it.
+        """
+        if not self.isotropic and self.collocation is None:
+            return None
+        given = [time for time in (self.speed_graph, self.collocation) if time is not None]
+        if not self.isotropic:
+            return min(given)
+        return given[0] if given else None
 
 
 def gaps(times: Times) -> dict[str, float]:
     """The gaps that can be formed; the others are absent."""
     found = {}
-    if times.speed_graph is not None and times.collocation:
+    if times.isotropic and times.speed_graph is not None and times.collocation:
         found["analytic"] = times.speed_graph / times.collocation - 1.0
     if times.refined is not None and times.variational:
         found["refinement"] = times.refined / (times.variational + times.end_cost) - 1.0
     proven = times.lower_bound if times.lower_bound is not None and times.lower_bound > 0.0 else None
-    if times.best_variational is not None and proven is not None:
+    compared = times.isotropic or times.variational is not None
+    if times.best_variational is not None and proven is not None and compared:
         found["certified"] = times.best_variational / proven - 1.0
     if times.refined is not None and proven is not None:
         found["certified_full"] = times.refined / (proven + times.end_cost) - 1.0
@@ -100,6 +111,7 @@ def gates(
     bad_stops: int | None = None,
     no_bound: str = "no lower bound was computed",
     no_stops: str = "no emergency stops were recorded",
+    isotropic: bool = True,
 ) -> tuple[Gate, ...]:
     """All six gates.
 
@@ -112,6 +124,7 @@ def gates(
     result : the plan that is to be executed, None without one.
     bad_stops : emergency stops that end badly, None without evidence.
     no_bound, no_stops : why there is no certified gap and no such number, where there is none.
+    isotropic : whether the braking zone is a disc.
     """
     checks = tuple(checks)
     values: dict[str, float | None] = {
@@ -125,7 +138,9 @@ def gates(
         "emergency_stops": None if bad_stops is None else float(bad_stops),
     }
     reasons = {
-        "analytic_gap": "not evaluated: no speed graph to compare with the collocation",
+        "analytic_gap": "not evaluated: no speed graph to compare with the collocation"
+        if isotropic
+        else "not evaluated: the speed graph solves the problem with a disc in place of the zone only",
         "refinement_gap": "not evaluated: no refined trajectory, or no variational optimum",
         "certified_gap": f"not evaluated: {no_bound}",
         "constraint_violation": "not evaluated: there is no trajectory to execute",

@@ -22,6 +22,8 @@ from verify.judge.question import Question, read_question
 from verify.judge.reading import PRESCREEN, read_executed, read_motions, read_simulation
 from verify.judge.stops import NAME as STOPS
 from verify.judge.stops import Stops, stops_check, why_no_stops
+from verify.judge.zone_block import zone_block
+from verify.judge.zones.fields_file import FieldsFile, fields_of, read_fields
 
 Verdict = Literal["certified", "refined", "failed"]
 
@@ -48,6 +50,7 @@ class Judgement:
     gates: tuple[Gate, ...]
     checks: tuple[Check, ...]
     bound: Bound | None = None  # what the certificate proves; None without one
+    zone: Mapping[str, Any] | None = None  # of a braking zone that is not a disc, and of field sets
 
     @property
     def failing_gates(self) -> tuple[Gate, ...]:
@@ -105,6 +108,8 @@ class Judgement:
             result["simulation"] = dict(self.simulation)
         if self.bound is not None:
             result["lower_bound"] = self.bound.as_result()
+        if self.zone is not None:
+            result["zone"] = dict(self.zone)
         return result
 
 
@@ -123,6 +128,7 @@ class Findings:
     stops: Stops | None = None
     certificate: CertificateFile | None = None
     bound: Bound | None = None
+    zone: Mapping[str, Any] | None = None
 
 
 def judge(folder: Path, overrides: Mapping[str, float] = MappingProxyType({})) -> Judgement:
@@ -145,7 +151,7 @@ def examine(folder: Path) -> Findings:
     ------
     EvidenceError : as from `judge`.
     """
-    question = read_question(evidence.read_bytes(folder, evidence.SCENARIO))
+    question, file = _read_question(folder)
     setting = question.setting
     motions = read_motions(folder)
     same = read_executed(folder, motions)
@@ -156,6 +162,8 @@ def examine(folder: Path) -> Findings:
         checks += check_motion(motion, name, MODEL_OF_PLAN[name], setting)
     simulated = read_simulation(folder, motions.get(executed or ""), question)
     checks += simulated.checks
+    zone, of_fields = zone_block(setting, file, executed, motions)
+    checks += of_fields
     proof = None if certificate is None else check_certificate(certificate, question)
     findings = Findings(
         question=question,
@@ -168,6 +176,7 @@ def examine(folder: Path) -> Findings:
         gaps={},
         end_cost=0.0,
         certificate=certificate,
+        zone=zone,
     )
     return _with_proof(findings, proof)
 
@@ -186,7 +195,8 @@ def _with_proof(findings: Findings, proof: Proof | None) -> Findings:
     sound = _sound(motions, checks, setting)
     cost = _end_cost(setting, sound)
     bound = None if proof is None else judge_bound(proof, sound, cost, checks, setting)
-    gap = _gaps(motions, sound, cost, None if bound is None else bound.travel_time)
+    proven = None if bound is None else bound.travel_time
+    gap = _gaps(motions, sound, cost, proven, isotropic=setting.isotropic)
     if bound is not None:
         checks = (*checks, bound.check)
     return replace(findings, checks=checks, gaps=gap, end_cost=cost, bound=bound)
@@ -208,12 +218,16 @@ def decide(findings: Findings, overrides: Mapping[str, float]) -> Judgement:
         bad_stops=None if findings.stops is None else findings.stops.bad,
         no_bound=no_bound,
         no_stops=why_no_stops(asked.drive, findings.stops),
+        isotropic=asked.setting.isotropic,
     )
     lower = None if findings.bound is None else findings.bound.travel_time
     times = {name: motion.travel_time for name, motion in findings.motions.items()}
-    certified = _nothing_to_refine(times, _sound(findings.motions, checks, asked.setting), lower, gate)
-    executed = _chosen(times, findings.executed, findings.same, certified)
-    verdict, reasons = _verdict(times, executed, checks, certified)
+    optimum = _optimum(times, isotropic=asked.setting.isotropic)
+    certified = _nothing_to_refine(
+        times, optimum, _sound(findings.motions, checks, asked.setting), lower, gate
+    )
+    executed = _chosen(optimum, findings.executed, findings.same, certified)
+    verdict, reasons = _verdict(optimum, executed, checks, certified)
     return Judgement(
         scenario=asked.name,
         scenario_sha256=asked.sha256,
@@ -227,7 +241,19 @@ def decide(findings: Findings, overrides: Mapping[str, float]) -> Judgement:
         gates=gate,
         checks=checks,
         bound=findings.bound,
+        zone=findings.zone,
     )
+
+
+def _read_question(folder: Path) -> tuple[Question, FieldsFile | None]:
+    """What was asked, with the fields that were fitted, and the file that tells of them."""
+    question = read_question(evidence.read_bytes(folder, evidence.SCENARIO))
+    asked = question.setting.zone
+    if asked is None or asked.type != "field_set":
+        return question, None
+    file = read_fields(folder)
+    setting = replace(question.setting, fields=fields_of(asked, file))
+    return replace(question, setting=setting), file
 
 
 def _gaps_to_limit(findings: Findings, overrides: Mapping[str, float]) -> tuple[Mapping[str, float], str]:
@@ -241,6 +267,8 @@ def _gaps_to_limit(findings: Findings, overrides: Mapping[str, float]) -> tuple[
         return gap, "no lower bound was computed"
     if bound.travel_time is None:
         return gap, "the certificate is refused"
+    if not asked.setting.isotropic and "collocation" not in findings.motions:
+        return gap, "the variational model has no optimum with this braking zone to compare the bound with"
     if asked.some_ways and not {"certified_gap"} & {*asked.named_gates, *overrides}:
         limited = {k: v for k, v in gap.items() if k != "certified" or v <= asked.gates["certified_gap"]}
         return limited, "the lower bound is over all ways, and plan.through asks for some of them"
@@ -256,7 +284,12 @@ def _sound(motions: Mapping[str, Motion], checks: Sequence[Check], setting: Sett
 
 
 def _gaps(
-    motions: Mapping[str, Motion], sound: Mapping[str, Motion], cost: float, lower_bound: float | None
+    motions: Mapping[str, Motion],
+    sound: Mapping[str, Motion],
+    cost: float,
+    lower_bound: float | None,
+    *,
+    isotropic: bool,
 ) -> dict[str, float]:
     """The gaps that can be formed."""
     time = {name: motion.travel_time for name, motion in motions.items()}
@@ -268,6 +301,7 @@ def _gaps(
         best_variational=min(variational, default=None),
         lower_bound=lower_bound,
         end_cost=cost,
+        isotropic=isotropic,
     )
     return gaps(times)
 
@@ -279,11 +313,13 @@ def _end_cost(setting: Setting, sound: Mapping[str, Motion]) -> float:
     more than the time of a sound motion, so T >= T* + (T_s - T_variational).
     """
     where = (setting.limits, setting.surroundings, setting.start, setting.goal)
-    cost = end_cost(*where)
-    optimum = sound.get("speed_graph", sound.get("collocation"))
-    if optimum is None or setting.start.speed == setting.goal.speed == "safe":
+    zone = None if setting.zone is None else setting.zone.zone
+    cost = end_cost(*where, zone)
+    optima = [sound[name] for name in ("speed_graph", "collocation") if name in sound]
+    if not optima or setting.start.speed == setting.goal.speed == "safe":
         return cost
-    return max(cost, straight_time(*where) - optimum.travel_time)
+    least = min(motion.travel_time for motion in (optima[:1] if setting.isotropic else optima))
+    return max(cost, straight_time(*where, zone) - least)
 
 
 def _plan(name: str, motion: Motion, checks: tuple[Check, ...]) -> dict[str, Any]:
@@ -314,7 +350,7 @@ def _duration(name: str, motion: Motion, failed: Sequence[Check]) -> dict[str, A
 
 
 def _verdict(
-    plans: Collection[str], executed: str | None, checks: Sequence[Check], certified: bool
+    optimum: str, executed: str | None, checks: Sequence[Check], certified: bool
 ) -> tuple[Verdict, tuple[str, ...]]:
     """`certified`, `refined` or `failed`, and what stands against it.
 
@@ -333,7 +369,6 @@ def _verdict(
         and check.status != "passed"
         and check.wanted
     ]
-    optimum = _optimum(plans)
     if executed == optimum and not certified:
         reasons.append(
             f"{executed}: its own certified gap is not shown to be within the gate, or another plan is faster"
@@ -345,13 +380,22 @@ def _verdict(
     return ("refined" if executed == "refined" else "certified"), ()
 
 
-def _optimum(plans: Collection[str]) -> str:
-    """The plan that stands for the variational optimum."""
-    return "speed_graph" if "speed_graph" in plans else "collocation"
+def _optimum(times: Mapping[str, float], *, isotropic: bool = True) -> str:
+    """The plan that stands for the variational optimum, by the travel `times` [s] of all plans.
+
+    With a zone that depends on the heading the faster of both, as the speed graph is exact for discs only.
+    """
+    if isotropic or "collocation" not in times:
+        return "speed_graph" if "speed_graph" in times else "collocation"
+    return min((name for name in ("collocation", "speed_graph") if name in times), key=times.__getitem__)
 
 
 def _nothing_to_refine(
-    times: Mapping[str, float], sound: Collection[str], lower_bound: float | None, gate: Sequence[Gate]
+    times: Mapping[str, float],
+    optimum: str,
+    sound: Collection[str],
+    lower_bound: float | None,
+    gate: Sequence[Gate],
 ) -> bool:
     """Whether the plan that stands for the variational optimum is certified to be one.
 
@@ -359,19 +403,16 @@ def _nothing_to_refine(
     the same limit, and no `sound` plan may be faster.
     """
     limit = next(g for g in gate if g.name == "certified_gap")
-    own = times.get(_optimum(times))
+    own = times.get(optimum)
     if limit.passed is not True or lower_bound is None or own is None:
         return False
     fastest = min((times[name] for name in sound), default=own)
     return own / lower_bound - 1.0 <= limit.limit and own <= fastest * (1.0 + SAME_TIME)
 
 
-def _chosen(
-    plans: Collection[str], executed: str | None, same: Collection[str], certified: bool
-) -> str | None:
+def _chosen(optimum: str, executed: str | None, same: Collection[str], certified: bool) -> str | None:
     """The plan executed, by its best name: a motion that is several plans at once is the optimum where
     that is certified, else the first in the order of `_executed`."""
-    optimum = _optimum(plans)
     others = tuple(name for name in ("refined", optimum) if name in same)
     if not others:
         return executed

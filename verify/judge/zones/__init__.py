@@ -4,7 +4,9 @@ Own formulas and own geometry: of the planners' zones only those of plugins are 
 else has.
 """
 
-from verify.judge.zones.asked import AskedZone, ZoneError, asked_zone
+from verify.judge.zones.asked import AskedZone, asked_zone
+from verify.judge.zones.errors import ZoneError
+from verify.judge.zones.held import least_arc_room, outside
 from verify.judge.zones.separation import least_separation, separation
 from verify.judge.zones.shapes import Shape
 from verify.judge.zones.zone import FieldSet, GaugeZone, Zone
@@ -17,6 +19,8 @@ __all__ = [
     "Zone",
     "ZoneError",
     "asked_zone",
+    "least_arc_room",
     "least_separation",
+    "outside",
     "separation",
 ]

@@ -5,51 +5,74 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
-import shapely
 
 from verify.judge.limits import Limits
+from verify.judge.zones.errors import ZoneError
+from verify.judge.zones.fields import convex, given_fields
+from verify.judge.zones.plugin import plugin_zone
 from verify.judge.zones.shapes import Box, Disc, Ellipse, Hull, Shape, Straight
 from verify.judge.zones.zone import FieldSet, GaugeZone, Zone
 
-HOLDS = 1e-9  # relative, and [m]: what a polygon may lack of what it must hold is rounding
+SAME = 1e-9  # relative
 LEAST_INSCRIBED = 1e-3  # share of the stopping distance: a smaller disc in a zone says nothing about speeds
 MOST_AHEAD = 1.25  # an ellipse whose `ahead` is derived reaches no further
-TURNS = 4096  # of held arcs, at which that is derived
+TURNS = 4096  # of held arcs, at which that is derived for a centred ellipse
+TURNS_ONE_SIDED = 256  # and for others: part of what `ahead: null` means
+HALVINGS = 60
 
-
-class ZoneError(ValueError):
-    """A scenario's zone is none that could be judged."""
+_FORMS = {"capsule": "a capsule", "rectangle": "a rectangle"}
+_BUILT_IN = ("uniform", "ellipse", "protective_field", "polygon")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AskedZone:
-    """What a scenario asks for, where that is not a disc."""
+    """What a scenario asks for, where that is not the disc of uniform braking."""
 
     type: str
-    parameters: Mapping[str, Any]  # plain data, as scenarios give them
+    parameters: Mapping[str, Any]  # plain data, defaults filled in
     zone: Zone  # that paths are planned with: of field sets the base
+    isotropic: bool  # whether that is a disc
     fields: FieldSet | None = None  # where the scenario gives the fields themselves
-    count: int | None = None  # of fields that are fitted to the route
-    plugin: bool = False  # not built in: its own functions are taken at their word
+    count: int | None = None  # of fields that are fitted to the route, at most
 
     @property
-    def relaxation(self) -> str:
-        """`inner` where a disc in the zone stands for it in methods for uniform braking, else `outer`."""
-        zone = self.zone
-        inside = isinstance(zone, GaugeZone) and zone.shape.inscribed >= LEAST_INSCRIBED
-        return "inner" if inside else "outer"
+    def plugin(self) -> bool:
+        """Whether the zone's own functions are taken at their word."""
+        kind = self.type if self.type != "field_set" else self.parameters["base"]["type"]
+        return kind not in _BUILT_IN
+
+    @property
+    def relaxation(self) -> Literal["inner", "outer", "uniform"]:
+        """Which disc stands for the zone in methods for uniform braking: one in it, else one around it.
+
+        Of zones that are no gauge zones nothing is known here: that of their own stopping distance.
+        """
+        if not isinstance(self.zone, GaugeZone):
+            return "uniform"
+        return "inner" if self.zone.shape.inscribed >= LEAST_INSCRIBED else "outer"
 
     def within_disc(self, limits: Limits) -> bool:
         """Whether uniform braking by the same law keeps more free at every speed."""
         zone = self.zone
         return (
             isinstance(zone, GaugeZone)
-            and zone.shape.extent <= 1.0 + HOLDS
-            and zone.body.extent <= (limits.radius + limits.margin) * (1.0 + HOLDS)
+            and zone.shape.extent <= 1.0 + SAME
+            and zone.body.extent <= (limits.radius + limits.margin) * (1.0 + SAME)
         )
+
+    @property
+    def statement(self) -> str:
+        """What must be free of obstacles, in a sentence."""
+        if self.type == "field_set":
+            base = self.parameters["base"]
+            many = f"up to {self.count}" if self.fields is None else str(len(self.fields.speeds))
+            how = "" if self.fields is not None else ", each the base zone at its greatest speed"
+            return f"{many} fields switched by speed{how}; base: {_words(base['type'], base, self.zone)}."
+        words = _words(self.type, self.parameters, self.zone)
+        return f"{words[0].upper()}{words[1:]}."
 
 
 def asked_zone(spec: Any, limits: Limits) -> AskedZone | None:
@@ -60,30 +83,35 @@ def asked_zone(spec: Any, limits: Limits) -> AskedZone | None:
     ZoneError : it is not convex, or does not hold the robot's centre and a straight stop.
     """
     asked = spec.braking.zone
-    if isinstance(asked, str):
-        kind, parameters = asked, {}
-    else:
-        kind, parameters = asked.type, asked.parameters
-    if kind == "field_set":
-        return _field_set(parameters, limits)
-    zone = plain_zone(kind, parameters, limits)
-    if _is_disc(zone, limits):
-        return None
-    return AskedZone(type=kind, parameters=parameters, zone=zone, plugin=kind not in _BUILT_IN)
+    kind, parameters = asked.type, asked.parameters
+    if kind != "field_set":
+        zone = plain_zone(kind, parameters, limits)
+        if _is_disc(zone, limits):
+            return None
+        return AskedZone(type=kind, parameters=parameters, zone=zone, isotropic=False)
+    of_base = {key: value for key, value in parameters["base"].items() if key != "type"}
+    base = plain_zone(parameters["base"]["type"], of_base, limits)
+    given = parameters.get("fields")
+    return AskedZone(
+        type=kind,
+        parameters=parameters,
+        zone=base,
+        isotropic=_is_disc(base, limits),
+        fields=None if given is None else given_fields(given, limits),
+        count=int(parameters["count"]) if given is None else None,
+    )
 
 
-def plain_zone(kind: str, parameters: Mapping[str, Any], limits: Limits) -> GaugeZone:
+def plain_zone(kind: str, parameters: Mapping[str, Any], limits: Limits) -> Zone:
     """A zone that is no field set.
 
     Raises
     ------
     ZoneError : as from `asked_zone`.
     """
-    if kind not in _BUILT_IN:
-        raise ZoneError(f"braking.zone: unknown type {kind!a}; known: {', '.join(_BUILT_IN)}, field_set")
-    body, beside = limits.radius + limits.margin, limits.margin
+    around = limits.radius + limits.margin
     shape: Shape
-    hull: Shape = Disc(body)
+    body: Shape = Disc(around)
     if kind == "uniform":
         shape = Disc(1.0)
     elif kind == "ellipse":
@@ -92,11 +120,13 @@ def plain_zone(kind: str, parameters: Mapping[str, Any], limits: Limits) -> Gaug
         side = float(parameters["side"])
         if not 0.0 <= side < math.inf:
             raise ZoneError("braking.zone.side: must be zero or more")
-        shape, beside = Straight(), beside + side
-        hull = Disc(body + side) if parameters["form"] == "capsule" else Box(body, body + side)
+        shape = Straight()
+        body = Disc(around + side) if parameters["form"] == "capsule" else Box(around, around + side)
+    elif kind == "polygon":
+        shape = Hull(convex(parameters["vertices"], "braking.zone.vertices", ((0.0, 0.0), (1.0, 0.0))))
     else:
-        shape = Hull(_convex(parameters["vertices"], "braking.zone.vertices", ((0.0, 0.0), (1.0, 0.0))))
-    return GaugeZone(shape, hull, limits.braking, limits.reaction_time, beside)
+        return plugin_zone(kind, parameters, limits)
+    return GaugeZone(shape, body, limits.braking, limits.reaction_time)
 
 
 def least_ahead(lateral_ratio: float, turn: float) -> float:
@@ -106,7 +136,7 @@ def least_ahead(lateral_ratio: float, turn: float) -> float:
     A^2 >= (sin x / x)^2 / (1 - ((1 - cos x) / (beta x))^2); infinite where the arc is wider than beta.
     """
     best, low, high = 1.0, 0.0, turn
-    for _ in range(4):
+    for _ in range(4):  # each time around the greatest found
         x = np.linspace(low, high, TURNS + 1)[1:]
         wide = (1.0 - np.cos(x)) / (lateral_ratio * x)
         if (wide >= 1.0).any():
@@ -114,9 +144,27 @@ def least_ahead(lateral_ratio: float, turn: float) -> float:
         square = (np.sin(x) / x) ** 2 / (1.0 - wide * wide)
         at = int(np.argmax(square))
         best = max(best, float(square[at]))
-        step = x[1] - x[0]
-        low, high = max(0.0, float(x[at] - step)), min(turn, float(x[at] + step))
+        step = float(x[1] - x[0])
+        low, high = max(0.0, float(x[at]) - step), min(turn, float(x[at]) + step)
     return math.sqrt(best)
+
+
+def _least_ahead_one_sided(lateral_ratio: float, behind: float, turn: float) -> float:
+    """The like of an ellipse from -`behind` to A, at `TURNS_ONE_SIDED` even turns; `MOST_AHEAD` at most.
+
+    Derived. (X, Y) is in the ellipse around c = (A - b)/2 with semi-axes a = (A + b)/2 and beta when
+    ((X - c)/a)^2 + (Y/beta)^2 <= 1. The ellipse grows with A where X >= 0; arcs of more than half a turn end
+    behind the robot and are no narrower with a smaller A.
+    """
+    x = np.linspace(0.0, turn, TURNS_ONE_SIDED + 1)[1:]
+    ahead, aside = np.sin(x) / x, (1.0 - np.cos(x)) / (lateral_ratio * x)
+    low, high = max(1.0, behind), MOST_AHEAD
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        centre, long = 0.5 * (middle - behind), 0.5 * (middle + behind)
+        holds = bool((((ahead - centre) / long) ** 2 + aside**2 <= 1.0).all())
+        low, high = (low, middle) if holds else (middle, high)
+    return high
 
 
 def _ellipse(parameters: Mapping[str, Any], limits: Limits) -> Ellipse:
@@ -124,91 +172,15 @@ def _ellipse(parameters: Mapping[str, Any], limits: Limits) -> Ellipse:
     if ahead is None:
         ahead = 1.0
         if limits.reserves_friction and limits.reserve > 0.0:
-            ahead = min(MOST_AHEAD, least_ahead(wide, 0.5 * limits.reserve / limits.braking))
+            turn = 0.5 * limits.reserve / limits.braking
+            if behind is None:
+                ahead = min(MOST_AHEAD, least_ahead(wide, turn))
+            else:
+                ahead = _least_ahead_one_sided(wide, behind, turn)
     behind = ahead if behind is None else behind
     if not (0.0 < wide < math.inf and 1.0 <= ahead < math.inf and 0.0 <= behind <= ahead):
         raise ZoneError("braking.zone: an ellipse that does not hold the robot's centre and a straight stop")
     return Ellipse(0.5 * (ahead - behind), 0.5 * (ahead + behind), wide)
-
-
-def _field_set(parameters: Mapping[str, Any], limits: Limits) -> AskedZone:
-    of_base = dict(parameters["base"])
-    base = plain_zone(of_base.pop("type"), of_base, limits)
-    given = parameters.get("fields")
-    return AskedZone(
-        type="field_set",
-        parameters=parameters,
-        zone=base,
-        fields=None if given is None else given_fields(given, limits),
-        count=None if given is not None else int(parameters["count"]),
-    )
-
-
-def given_fields(given: Any, limits: Limits) -> FieldSet:
-    """Fields that a scenario gives as polygons.
-
-    Raises
-    ------
-    ZoneError : speeds do not rise; a polygon does not hold the way of a straight stop, or the field before.
-    """
-    speeds = np.array([float(field["max_speed"]) for field in given])
-    if (speeds <= 0.0).any() or (np.diff(speeds) <= 0.0).any():
-        raise ZoneError("braking.zone.fields: the greatest speeds must be positive and rise")
-    fields: list[Shape] = []
-    for index, (field, speed) in enumerate(zip(given, speeds, strict=True)):
-        where = f"braking.zone.fields[{index}].polygon"
-        hull = Hull(_convex(field["polygon"], where, ((0.0, 0.0),)))
-        stop = speed * (limits.reaction_time + 0.5 * speed / limits.braking)
-        normal = hull.kinks
-        needed = stop * np.maximum(np.cos(normal), 0.0) + limits.radius + limits.margin
-        if fields:
-            needed = np.maximum(needed, fields[-1].support(normal))
-        if (hull.support(normal) < needed - HOLDS).any():
-            raise ZoneError(f"{where}: does not hold the way of a straight stop, or the field before")
-        fields.append(hull)
-    return FieldSet(speeds, tuple(fields))
-
-
-def fitted_fields(base: GaugeZone, speeds: np.ndarray[Any, np.dtype[np.float64]]) -> FieldSet:
-    """The zone `base` at the greatest speed of each case (c,) [m/s], rising."""
-    return FieldSet(speeds, tuple(_Fixed(base, float(speed)) for speed in speeds))
-
-
-@dataclass(frozen=True, eq=False)
-class _Fixed(Shape):
-    """A zone at one speed."""
-
-    zone: GaugeZone
-    speed: float  # [m/s]
-
-    def support(self, angle: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
-        return self.zone.support(angle, np.asarray(self.speed))
-
-    @property
-    def extent(self) -> float:
-        return float(self.zone.extent(np.asarray(self.speed)))
-
-    @property
-    def inscribed(self) -> float:
-        far = float(self.zone.distance(np.asarray(self.speed)))
-        return self.zone.body.inscribed + far * self.zone.shape.inscribed
-
-    @property
-    def kinks(self) -> np.ndarray[Any, np.dtype[np.float64]]:
-        return self.zone.kinks(np.zeros(1))[0]
-
-
-def _convex(vertices: Any, where: str, must_hold: tuple[tuple[float, float], ...]) -> Any:
-    """The vertices of a convex polygon with an area that holds some points."""
-    polygon = shapely.Polygon(vertices)
-    if not polygon.is_valid or polygon.area <= 0.0:
-        raise ZoneError(f"{where}: not a simple polygon with an area")
-    if polygon.convex_hull.area - polygon.area > HOLDS * polygon.area:
-        raise ZoneError(f"{where}: not convex")
-    for point in must_hold:
-        if polygon.distance(shapely.Point(point)) > HOLDS:
-            raise ZoneError(f"{where}: does not hold ({point[0]:g}, {point[1]:g})")
-    return vertices
 
 
 def _is_disc(zone: Zone, limits: Limits) -> bool:
@@ -218,4 +190,21 @@ def _is_disc(zone: Zone, limits: Limits) -> bool:
     return zone.shape in (Disc(1.0), Ellipse(0.0, 1.0, 1.0))
 
 
-_BUILT_IN = ("uniform", "ellipse", "protective_field", "polygon")
+def _words(kind: str, parameters: Mapping[str, Any], zone: Zone) -> str:
+    """A zone that is no field set, in words."""
+    if kind == "uniform":
+        return "a disc, the robot's with the stopping distance around it"
+    shape = zone.shape if isinstance(zone, GaugeZone) else None
+    if isinstance(shape, Ellipse):
+        ahead, behind = shape.long + shape.centre, shape.long - shape.centre
+        return (
+            f"an ellipse along the heading around the robot, {ahead:.4g} of the stopping distance ahead, "
+            f"{behind:.4g} behind and {shape.wide:.4g} to either side"
+        )
+    if kind == "protective_field":
+        side = parameters["side"]
+        aside = f" and {side:g} m more to either side" if side else ""
+        return f"{_FORMS[parameters['form']]} around the robot, as far ahead as the stopping distance{aside}"
+    if isinstance(shape, Hull):
+        return f"a polygon of {len(shape.kinks)} corners around the robot, in shares of the stopping distance"
+    return f"the zone {kind} of a plugin, by its own functions"

@@ -126,12 +126,13 @@ def separation(zone: Zone, ends: Array, radius: Array, speed: Array) -> tuple[Ar
     return best[:, 0], best_angle[:, 0]
 
 
-def least_separation(motion: Motion, features: Array, zone: Zone) -> LeastMargin:
+def least_separation(motion: Motion, features: Array, zone: Zone, rows: Rows | None = None) -> LeastMargin:
     """Least separation of the zone and everything that stands in the way, over the continuous motion.
 
     Parameters
     ----------
     features : (f, 5) [m], segments ax, ay, bx, by and a radius around them (`Features.table`).
+    rows : the rows of the motion to look at, by default all and the pose at the end.
 
     Returns
     -------
@@ -140,7 +141,7 @@ def least_separation(motion: Motion, features: Array, zone: Zone) -> LeastMargin
     path, where it turns without moving, the poses before and after count.
     """
     search = _Search(_with_last_pose(motion), features, zone)
-    pieces = search.near()
+    pieces = search.near(np.arange(len(motion.t)) if rows is None else rows)
     while len(pieces):
         pieces = search.halved(pieces)
     x, y = search.motion.position(search.at_row, search.at_along)[0]
@@ -159,22 +160,22 @@ class _Search:
         self.at_row, self.at_along = np.zeros(1, dtype=np.int64), np.zeros(1)
         self._spent = 0
 
-    def near(self) -> _Pieces:
+    def near(self, row: Rows) -> _Pieces:
         """Whole rows with the features that may matter to them, those not decided by the nearest point.
 
         A feature further from the middle of a row than half the row and the zone's extent there is further
         from the zone by what is left.
         """
         motion, zone = self.motion, self.zone
-        row = np.arange(len(motion.step))
+        step = motion.step[row]
         shapes = _as_shapes(self.features)
         tree = shapely.STRtree(shapes)
-        middle = motion.position(row, 0.5 * motion.step)
+        middle = motion.position(row, 0.5 * step)
         widest = float(self.features[:, 4].max(initial=0.0))
         nearest = tree.query_nearest(shapely.points(middle), all_matches=False)[1]
-        self._look(_Pieces(row, nearest, np.zeros(len(row)), motion.step.copy()))
-        fastest = np.maximum(np.abs(motion.v[:-1]), np.abs(motion.v[1:]))
-        reach = zone.extent(fastest) + 0.5 * motion.step + widest + max(self.best, 0.0)
+        self._look(_Pieces(row, nearest, np.zeros(len(row)), step))
+        fastest = np.maximum(np.abs(motion.v[row]), np.abs(motion.v[row + 1]))
+        reach = zone.extent(fastest) + 0.5 * step + widest + max(self.best, 0.0)
         size = max(1, PAIRS // len(self.features))
         kept = []
         for first in range(0, len(row), size):
@@ -182,7 +183,7 @@ class _Search:
             index, feature = tree.query(
                 shapely.points(middle[here]), predicate="dwithin", distance=reach[here]
             )
-            index = index + first
+            index = row[index + first]
             pieces = _Pieces(index, feature, np.zeros(len(index)), motion.step[index])
             kept.append(self._undecided(pieces, self._towards_nearest(pieces)))
         return _Pieces(*(np.concatenate([getattr(p, name) for p in kept]) for name in _NAMES))

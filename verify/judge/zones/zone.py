@@ -63,6 +63,16 @@ class Zone(ABC):
         """Whether the bounds of `along` tend to the zone itself with the square of a piece's length."""
         return True
 
+    def worst_speeds(self, begin: Array, end: Array) -> tuple[NDArray[np.int64], Array]:
+        """Speeds [m/s] from `begin` to `end`, (n,) each, at which stops with the steering held are the worst.
+
+        Returns
+        -------
+        (m,) which of the n, and (m,) speeds: here of zones of which nothing is known but both ends.
+        """
+        index = np.arange(len(begin))
+        return np.concatenate([index, index]), np.concatenate([begin, end])
+
 
 @dataclass(frozen=True, eq=False)
 class GaugeZone(Zone):
@@ -72,7 +82,6 @@ class GaugeZone(Zone):
     body: Shape  # [m], with the margin
     braking: float  # a_b [m/s^2]
     reaction_time: float  # t_r [s]
-    beside: float  # [m], by how much the body is wider than the robot's disc, where a bend leads out
 
     def distance(self, speed: Array) -> Array:
         """Stopping distance D [m], same shape."""
@@ -107,6 +116,10 @@ class GaugeZone(Zone):
         slope = np.divide(np.abs(far_end - far_begin), length, out=np.zeros_like(length), where=length > 0.0)
         bend = turn * turn * (body + np.maximum(far_begin, far_end) * reach) + 2.0 * turn * slope * reach
         return Pieces(begin, end, bend, self.reaction_time * reach * root_excess(begin, end))
+
+    def worst_speeds(self, begin: Array, end: Array) -> tuple[NDArray[np.int64], Array]:
+        """The greatest: beside the body the zone grows in proportion to D, and so do the ends of arcs."""
+        return np.arange(len(begin)), np.maximum(begin, end)
 
     def kinks(self, speed: Array) -> Array:
         own = np.concatenate([self.shape.kinks, self.body.kinks])
@@ -143,6 +156,13 @@ class FieldSet(Zone):
     def along(self, begin: Array, end: Array, curvature: Array, length: Array) -> Pieces:
         fastest = np.maximum(begin, end)
         return Pieces(fastest, fastest, curvature**2 * self.extent(fastest), np.zeros_like(fastest))
+
+    def worst_speeds(self, begin: Array, end: Array) -> tuple[NDArray[np.int64], Array]:
+        """The greatest of each case: its field stays the same, and a shorter arc is part of a longer."""
+        least, most = np.minimum(begin, end), np.maximum(begin, end)
+        across = (least[:, None] < self.speeds) & (self.speeds < most[:, None])
+        index, case = np.nonzero(across)
+        return np.concatenate([np.arange(len(most)), index]), np.concatenate([most, self.speeds[case]])
 
     def kinks(self, speed: Array) -> Array:
         return np.asarray(self._kinks[self.case(speed)])
