@@ -138,7 +138,7 @@ def certified(problem: Problem, assembly: Assembly, solution: Solution) -> Certi
         goal=cover.ground.goal,
         law=np.array([problem.robot.radius, law.max_braking, law.reaction_time, law.margin, law.max_speed]),
         travel_time=max(0.0, assembly.goal(values) - assembly.start(values) - ROUNDING * size),
-        contact=None if zone is None else cover.flow[parts.rows],
+        contact=None if zone is None else cover.flow[parts.rows],  # of no use where u measures lengths
         zone=None if zone is None else named(zone),
     )
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from vnav_drake.lower_bound.assembly import Assembly, assemble, certified
 from vnav_drake.lower_bound.certificate import Certificate
 from vnav_drake.lower_bound.cover import Cover, Ground
+from vnav_drake.lower_bound.lengths import drive_time
 from vnav_drake.lower_bound.program import Setting, Solution, solve
 from vnav_drake.lower_bound.refinement import first_cover, losses, worst
 from vnav_drake.problem import NoPathError, PlanningError, Problem
@@ -27,7 +28,13 @@ GROWTH = 1.35  # of the number of triangles from round to round
 AGAIN = 2  # times that a mesh is used with a zone: each time the sets of gradients are closer to what matters
 PRECISION = 0.003  # the solver's tolerance as a share of the gap that is expected
 FINEST, COARSEST = 1e-9, 1e-4  # of the solver's tolerance
+UNBOUNDED = (
+    "the braking zone limits the speed for some headings only, and with speeds free at both ends and no "
+    "greatest speed no time follows from the length of the way: no lower bound"
+)
 GOOD = frozenset({"Solved", "AlmostSolved"})
+SLIGHT = 1e-3  # relative gain of a length that counts as none: the gap to a motion is some per cent
+STALLED_LENGTH = 2  # rounds of that kind after which it is precise enough
 STALLED = 3  # rounds without a better bound after which the solver's precision is the limit
 WHERE_FLOWS = 0.9  # the minorant is made good at the flow's place, moved this far from the middle
 FLOWS = 1e-9  # share of the travel time from which a triangle's flow is known
@@ -45,7 +52,11 @@ class Round:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LowerBound:
-    """No motion of the variational model takes less than `travel_time`, and the certificate proves it."""
+    """No motion of the variational model takes less than `travel_time`, and the certificate proves it.
+
+    With a braking zone from which no bound of the speed follows the certificate proves a length, and no
+    motion of the full robot between the ends that are asked for takes less.
+    """
 
     certificate: Certificate
     travel_time: float  # [s]
@@ -79,14 +90,17 @@ def lower_bound(
     begun = time.perf_counter()
     budget = BUDGET[effort] if budget is None else budget
     ground = Ground.of(problem)
+    if ground.lengths and not drive_time(problem, 1.0) > 0.0:
+        raise PlanningError(UNBOUNDED)
     cover = first_cover(ground, problem.world.bounds)
     best: Certificate | None = None
+    least = 0.0  # [s], what `best` proves
     rounds: list[Round] = []
     spent = stalled = same = 0
     while True:
         try:
             assembly = assemble(cover)
-            solution = _solution(assembly, _expected(cover, best, upper))
+            solution = _solution(assembly, 1.0 if best is None else _expected(cover, least, upper))
             certificate = certified(problem, assembly, solution)
         except NoPathError:
             raise
@@ -94,26 +108,32 @@ def lower_bound(
             if best is None:
                 raise
             return LowerBound(
-                certificate=best, travel_time=best.travel_time, rounds=tuple(rounds), stopped="fault"
+                certificate=best, travel_time=least, rounds=tuple(rounds), stopped="fault"
             )  # what was proven before stays proven
+        found = certificate.travel_time
+        if ground.lengths:
+            found = drive_time(problem, found)
         triangles = len(assembly.copies)
         spent += triangles
         rounds.append(
             Round(
                 triangles=triangles,
-                lower_bound=certificate.travel_time,
+                lower_bound=found,
                 status=solution.status,
                 seconds=time.perf_counter() - begun,
             )
         )
-        better = best is None or certificate.travel_time > best.travel_time
-        stalled = 0 if better else stalled + 1
-        best = certificate if best is None or better else best
+        better = best is None or found > least
+        slight = ground.lengths and 0.0 < found <= least * (1.0 + SLIGHT)
+        stalled = stalled + 1 if slight or not better else 0
+        if best is None or better:
+            best, least = certificate, found
         if progress is not None:
-            progress(_told(rounds[-1], best.travel_time, upper))
-        stop = _stop(best.travel_time, upper, gap, spent + GROWTH * triangles > budget, stalled)
-        if stop is None and time_limit is not None and rounds[-1].seconds > time_limit:
-            stop = "time"
+            progress(_told(rounds[-1], least, upper))
+        many = STALLED_LENGTH if ground.lengths else STALLED if ground.zone is None else STALLED * AGAIN
+        stop = _stop(least, upper, gap, spent + GROWTH * triangles > budget, stalled >= many)
+        late = time_limit is not None and rounds[-1].seconds > time_limit
+        stop = stop or ("time" if late else None)
         if stop is not None:
             break
         if certificate.travel_time > 0.0:  # else the flow known before must do
@@ -122,19 +142,19 @@ def lower_bound(
         if same == 0:
             marks = worst if cover.time.any() else _everywhere
             cover = cover.grown(marks, int(GROWTH * len(cover.kept)) + 1)
-    if not best.travel_time > 0.0:
+    if not least > 0.0:
         raise PlanningError("no lower bound was found: " + ", ".join({r.status for r in rounds}))
-    return LowerBound(certificate=best, travel_time=best.travel_time, rounds=tuple(rounds), stopped=stop)
+    return LowerBound(certificate=best, travel_time=least, rounds=tuple(rounds), stopped=stop)
 
 
 def _everywhere(cover: Cover) -> Mask:
     return np.ones(len(cover.time), dtype=bool)
 
 
-def _stop(lower: float, upper: float | None, gap: float, spent: bool, stalled: int) -> Stop | None:
+def _stop(lower: float, upper: float | None, gap: float, spent: bool, stalled: bool) -> Stop | None:
     if upper is not None and lower > 0.0 and upper / lower - 1.0 <= gap:
         return "gap"
-    if stalled >= STALLED:
+    if stalled:
         return "precision"
     return "budget" if spent else None
 
@@ -144,13 +164,11 @@ def _told(last: Round, lower: float, upper: float | None) -> str:
     return f"{last.triangles} triangles, at least {lower:.4f} s{room}"
 
 
-def _expected(cover: Cover, best: Certificate | None, upper: float | None) -> float:
+def _expected(cover: Cover, least: float, upper: float | None) -> float:
     """The gap expected of the next program, relative: what is lost on the mesh, at most what is open."""
-    if best is None:
-        return 1.0
     expected = float(losses(cover).sum())
-    if upper is not None and best.travel_time > 0.0:
-        expected = min(expected, upper / best.travel_time - 1.0)
+    if upper is not None and least > 0.0:
+        expected = min(expected, upper / least - 1.0)
     return expected
 
 

@@ -12,6 +12,7 @@ from vnav_drake.lower_bound.blocked import FREE, Solids, blocked_by
 from vnav_drake.lower_bound.exact import side_of
 from vnav_drake.lower_bound.features import Features
 from vnav_drake.lower_bound.headings import ZoneLaw, zone_law
+from vnav_drake.lower_bound.lengths import standing_radius
 from vnav_drake.lower_bound.mesh import Mesh
 from vnav_drake.lower_bound.minorant import Choice, Law, choose
 from vnav_drake.problem import PlanningError, Problem
@@ -21,6 +22,7 @@ Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 CENTRE = 1.0 / 3.0  # barycentric coordinates of the middle
+NARROWER = 2e-9  # relative, that the disc is taken narrower where motions may touch what blocks them
 NEAR_SIDE = 1e-9  # barycentric: triangles that contain a point up to this are asked exactly
 
 
@@ -34,19 +36,24 @@ class Ground:
     start: Array  # (2,) [m]
     goal: Array  # (2,) [m]
     zone: ZoneLaw | None = None  # where the speed depends on the heading
+    lengths: bool = False  # u measures lengths: a zone from which no bound of the speed follows
 
     @classmethod
     def of(cls, problem: Problem) -> Ground:
         """The geometry, speed law and ends of a problem."""
+        zone = zone_law(problem)
+        lengths = problem.zone is not None and zone is None
+        level = problem.robot.radius + problem.braking.margin
+        if lengths:
+            level = standing_radius(problem) * (1.0 - NARROWER)
         return cls(
             Features.of(problem.world),
             Solids(problem.world),
-            Law.within(
-                problem.braking, problem.robot.radius + problem.braking.margin, problem.world.diameter
-            ),
+            Law.within(problem.braking, level, problem.world.diameter),
             problem.start.point,
             problem.goal.point,
-            zone_law(problem),
+            zone,
+            lengths,
         )
 
 
@@ -88,6 +95,8 @@ class Cover:
         if zone is not None:
             corners = self.corners(rows)
             return zone.choice(self.ground.features, corners, self.flow[rows], self.heading[rows])
+        if self.ground.lengths:
+            return Choice.constant(len(rows))
         candidate, distance = _candidates(self.ground, self.mesh, self.nearest, rows)
         return choose(self.ground.law, distance, candidate, self.flow[rows])
 

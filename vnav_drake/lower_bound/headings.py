@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from vnav_drake.lower_bound.features import Features
 from vnav_drake.lower_bound.minorant import CAP, FURTHEST, Choice, Law, choose
 from vnav_drake.lower_bound.shape import Shape, body_radius, shape_of
-from vnav_drake.problem import PlanningError, Problem
+from vnav_drake.problem import Problem
 from vnav_drake.zones.convex_zone import ConvexZone, GaugeZone
 
 Array = NDArray[np.float64]
@@ -196,23 +196,17 @@ class ZoneLaw:
 
 
 def zone_law(problem: Problem) -> ZoneLaw | None:
-    """The law of a problem's zone; None where the speed does not depend on the heading.
+    """The law of a problem's zone; None where it limits no speed or does not depend on the heading.
 
-    Raises
-    ------
-    PlanningError : a zone that is no stopping distance times a shape, or whose shape has no disc in it.
+    It limits none where it is no stopping distance times a shape, or has no disc around the robot in its
+    shape.
     """
     zone = problem.zone
-    if zone is None:
+    if not isinstance(zone, GaugeZone) or type(zone).support is not GaugeZone.support:
         return None
-    if not isinstance(zone, GaugeZone):
-        raise PlanningError(f"the braking zone {zone.type_name!r} is no stopping distance times a shape")
     shape = shape_of(zone)
     if shape is None:
-        raise PlanningError(
-            f"the braking zone {zone.type_name!r} does not limit the speed for every heading: no disc around "
-            "the robot is in its shape"
-        )
+        return None
     law = Law.within(problem.braking, 0.0, problem.world.diameter)
     return ZoneLaw(shape, body_radius(zone), law, zone.extent)
 

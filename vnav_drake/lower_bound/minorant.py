@@ -75,6 +75,16 @@ class Choice:
     corner: Array  # (t, 2, 3) [s/m], values of both at the corners
     ridge: Mask  # (t,), whether a combination of both may be better than the first alone
 
+    @classmethod
+    def constant(cls, count: int) -> Choice:
+        """The constant 1 for all triangles, with which u measures lengths."""
+        return cls(
+            np.full((count, 2), CAP),
+            np.ones((count, 2)),
+            np.ones((count, 2, 3)),
+            np.zeros(count, dtype=bool),
+        )
+
     def of(self, rows: Indices) -> Choice:
         """That of some of the triangles."""
         return Choice(self.feature[rows], self.speed[rows], self.corner[rows], self.ridge[rows])

@@ -71,7 +71,9 @@ def losses(cover: Cover) -> Array:
     spots = np.einsum("sk,tkd->tsd", _SPOTS, corners)
     free = _clearance(cover.ground, spots.reshape(-1, 2)).reshape(len(rows), len(_SPOTS))
     zone, heading = cover.ground.zone, np.repeat(cover.heading[rows], len(_SPOTS))
-    if zone is None:
+    if cover.ground.lengths:
+        slowness = np.ones_like(free)
+    elif zone is None:
         slowness = cover.ground.law.slowness(free + cover.ground.law.level)
     else:
         slowness = zone.pace(cover.ground.features, spots.reshape(-1, 2), heading).reshape(free.shape)

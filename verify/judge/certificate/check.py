@@ -27,6 +27,7 @@ from verify.judge.certificate import floating, headings, rational
 from verify.judge.certificate.blocked import check_blocked
 from verify.judge.certificate.bound import barycentric, float_at_most, potential
 from verify.judge.certificate.continuity import check_continuity
+from verify.judge.certificate.drive import drive_time
 from verify.judge.certificate.file import CertificateFile
 from verify.judge.certificate.minorant import WEIGHT_ROUNDING, corners_of, minorants_of
 from verify.judge.certificate.same_question import question_faults
@@ -34,7 +35,7 @@ from verify.judge.certificate.sheets import Sheets
 from verify.judge.certificate.statement import statement_of
 from verify.judge.certificate.tiling import check_tiling
 from verify.judge.certificate.wording import listed, place_of
-from verify.judge.certificate.zone import zone_faults, zone_gauge
+from verify.judge.certificate.zone import length_limits, zone_faults, zone_gauge
 from verify.judge.question import Question
 
 Array = NDArray[np.float64]
@@ -56,6 +57,7 @@ class Proof:
     worst: float  # least of (m_i - |g_i|) / m_i over all corners; -inf where it could not be evaluated
     at: tuple[float, float]  # [m], the corner where it is
     exact: bool  # in rational arithmetic
+    driven: bool = False  # of the full robot between the ends asked for only: by length and drive, not by V
     slack: Array = field(repr=False, compare=False)  # (t,), the least of each kept triangle
     statement: str  # one paragraph: what is proven and how, or that nothing is
 
@@ -70,21 +72,20 @@ def check_certificate(file: CertificateFile, question: Question, *, exact: bool 
         on the heading there is floating point with rounding bounds only, and the statement says so.
     """
     limits, asked = question.setting.limits, question.setting.zone
-    exact = exact and asked is None  # for all headings floating point with slack is what there is
+    gauge = None if asked is None else zone_gauge(asked, limits)
+    length = asked is not None and gauge is None  # no speed follows from the zone: u measures lengths
+    exact = exact and gauge is None  # for all headings floating point with slack is what there is
+    bounded = limits if asked is None or not length else length_limits(asked, limits)
     faults = []
     if file.actual_digest() != file.digest.tobytes():
         faults.append("the digest is not that of the numbers: the file was changed after it was written")
     faults += question_faults(file, question)
-    of_zone = zone_faults(file, asked, limits)
-    gauge = None if asked is None else zone_gauge(asked, limits)
-    if asked is not None and gauge is None:
-        of_zone.append(f"the braking zone {asked.type} does not limit the speed for every heading")
-    faults += of_zone
+    faults += zone_faults(file, asked, length=length)
     comparable = len(file.features) == len(question.features.table)
     sheets = Sheets.of(file)
     tiling = check_tiling(file, question.features, sheets)
     if comparable:
-        faults += check_blocked(file, question.features, limits, exact=exact)
+        faults += check_blocked(file, question.features, bounded, exact=exact)
     term_faults, usable = _term_faults(file)
     faults += [*tiling.faults, *term_faults]
     if comparable:
@@ -96,11 +97,11 @@ def check_certificate(file: CertificateFile, question: Question, *, exact: bool 
         for first in range(0, len(slack), CHUNK):
             rows = slice(first, first + CHUNK)
             corners = corners_of(file, tiling.side_edges, tiling.twice_area, rows)
-            minorants = minorants_of(file, question.features, limits, rows)
-            if gauge is not None and file.contact is not None:
-                slack[rows] = headings.slack(corners, minorants, file.contact[rows], gauge)
-            elif not of_zone:
+            minorants = minorants_of(file, question.features, bounded, rows)
+            if gauge is None:
                 slack[rows] = arithmetic.slack(corners, minorants)
+            elif file.contact is not None:
+                slack[rows] = headings.slack(corners, minorants, file.contact[rows], gauge)
         faults += _steep(file, slack)
     proven = Fraction(0)
     if tiling.side_edges is not None and positive:
@@ -108,18 +109,25 @@ def check_certificate(file: CertificateFile, question: Question, *, exact: bool 
         faults += end_faults
     else:
         faults.append("u at start and goal could not be evaluated")
+    least = float_at_most(proven)
+    if length:
+        ends = question.setting.start, question.setting.goal
+        least = drive_time(limits, *ends, max(0.0, least))
+        if not least > 0.0:
+            faults.append("with speeds free at both ends and no v_max no time follows from a length")
     corner = divmod(int(np.argmin(slack)), 3)
     x, y = file.points[file.triangles[corner]]
     holds = not faults
     return Proof(
         holds=holds,
-        travel_time=max(0.0, float_at_most(proven)) if holds else 0.0,
+        travel_time=max(0.0, least) if holds else 0.0,
         reasons=tuple(faults),
         triangles=len(file.triangles),
         dropped=len(file.dropped),
         worst=float(slack[corner]),
         at=(float(x), float(y)),
         exact=exact,
+        driven=length,
         slack=slack.min(axis=1),
         statement=statement_of(
             file,
@@ -129,6 +137,7 @@ def check_certificate(file: CertificateFile, question: Question, *, exact: bool 
             worst=float(slack[corner]),
             at=(float(x), float(y)),
             exact=exact,
+            driven=max(0.0, least) if length else None,
         ),
     )
 

@@ -31,6 +31,8 @@ ROUNDING = 1e-12  # relative, that a set is taken smaller: far more than all rou
 class Gauge(ABC):
     """Of a convex set with the origin inside."""
 
+    inscribed: float  # a disc of this radius around the origin lies in E
+
     @abstractmethod
     def __call__(self, x: Array, y: Array) -> Array:
         """An upper bound of the least s with (x, y) in s E, but for rounding; same shape."""
@@ -47,6 +49,7 @@ class EllipseGauge(Gauge):
     centre: float
     long: float
     wide: float
+    inscribed: float
 
     def __call__(self, x: Array, y: Array) -> Array:
         """The root s >= 0 of (x/A - s c/A)^2 + (y/B)^2 = s^2, without cancellation."""
@@ -72,6 +75,7 @@ class FacetGauge(Gauge):
         order = np.argsort(angle)
         angle, reach = angle[order], reach[order]
         self._angle = angle
+        self.inscribed = float(reach.min())
         self._over = np.stack([np.cos(angle), np.sin(angle)], axis=1) / reach[:, None]
         following = np.roll(self._over, -1, axis=0)
         # Where facets j and j + 1 meet both n.p / h are 1.
@@ -102,10 +106,11 @@ class FacetGauge(Gauge):
 def gauge_of(shape: Shape) -> Gauge | None:
     """The gauge of a shape, or of a polygon in it; None where there is no disc around the origin in it."""
     if isinstance(shape, sets.Disc):
-        return EllipseGauge(0.0, shape.radius, shape.radius)
+        return EllipseGauge(0.0, shape.radius, shape.radius, shape.radius)
     if isinstance(shape, sets.Ellipse):
         behind = shape.long - shape.centre
-        return EllipseGauge(shape.centre, shape.long, shape.wide) if behind > LEAST_INSIDE else None
+        inside = shape.inscribed
+        return None if behind < LEAST_INSIDE else EllipseGauge(shape.centre, shape.long, shape.wide, inside)
     if shape.inscribed < LEAST_INSIDE:
         return None
     if isinstance(shape, sets.Hull):

@@ -167,11 +167,9 @@ def _compared(ends: Array, above: Array, sizes: Array, off: Array, width: float)
     first, last = ends
     cos, sin = math.cos(width), math.sin(width)
     inside = (first * cos < last) & (last * cos < first) & (np.maximum(first, last) > 0.0)
-    square = np.square(first) + np.square(last) - 2.0 * cos * first * last
+    # first^2 + last^2 - 2 first last cos(width), of two positive numbers, without cancellation
+    square = np.square(first - last) + 4.0 * first * last * math.sin(0.5 * width) ** 2
     top = np.where(inside, np.sqrt(np.maximum(square, 0.0)) / sin, np.maximum(first, last))
-    # The root loses digits where both ends are nearly equal: what a narrow cell adds at most is known, too.
-    plain = np.maximum(first, last) / math.cos(0.5 * width)
-    top = np.where(inside, np.minimum(np.maximum(top, np.maximum(first, last)), plain), top)
     room = above - top - off - BLUR * sizes
     with np.errstate(divide="ignore", invalid="ignore"):
         # Where u does not rise against a bound of zero nothing is tight: as far below as can be.
@@ -193,7 +191,10 @@ def _term(
     feature = minorants.features[minorants.feature[which, slot]]
     corner = minorants.points[minorants.triangles[which]]
     z = _contacts(zone, corner, feature[:, None, :], middle[:, None])  # (n, 3, 2)
-    here = _turned(zone.gauge, z, middle[:, None])
+    # z is a difference of coordinates: what they are rounded by is as large as the world, z may be small.
+    size = np.abs(corner).max(axis=(1, 2)) + np.abs(feature).max(axis=1) + zone.reach
+    off = (BLUR * size / zone.gauge.inscribed)[:, None]
+    here = _turned(zone.gauge, z, middle[:, None]) + off
     place = contact[which]
     touch = np.maximum(np.einsum("nc,nc->n", here, place), FURTHEST * here.max(axis=1))
     lag = law.braking * law.reaction_time
@@ -204,7 +205,7 @@ def _term(
     constant = 1.0 / w + s * w * (law.reaction_time + 0.5 * w / law.braking)
     value = constant - s * np.einsum("nc,nc->n", here, place)
     better = np.isfinite(value) & (value > steady)
-    terms = s[:, None] * np.stack([_turned(zone.gauge, z, end[:, None]) for end in ends])
+    terms = s[:, None] * np.stack([_turned(zone.gauge, z, end[:, None]) + off for end in ends])
     return terms, constant, better & np.isfinite(terms).all(axis=(0, 2))
 
 

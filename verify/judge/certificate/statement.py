@@ -23,6 +23,7 @@ def statement_of(
     worst: float,
     at: tuple[float, float],
     exact: bool,
+    driven: float | None = None,
 ) -> str:
     """The theorem with its numbers, or that nothing is proven.
 
@@ -30,6 +31,7 @@ def statement_of(
     ----------
     proven : [s] u(G) - u(S), None when the certificate is refused.
     worst, at : least relative slack and its place [m].
+    driven : [s], where u is a length: least time of a drive for it.
     """
     start, goal = _point(question.setting.start.position), _point(question.setting.goal.position)
     if proven is None:
@@ -53,6 +55,23 @@ def statement_of(
         f"{limits.margin:g} m, {fastest}"
     )
     zone = question.setting.zone
+    if driven is not None and zone is not None:
+        ends = question.setting.start.speed, question.setting.goal.speed
+        return (
+            f"Asked: how fast {robot} can get from {start} to {goal} among the scenario's "
+            f"{_counted(len(features.names), 'obstacle')} ({sides}) if its braking zone ({_named(zone)}) is "
+            "free at every instant. Such a zone limits the speed for some headings only, so what is proven "
+            f"is a length. The certificate holds a {function}, quadratic on each of "
+            f"{_counted(kept, 'triangle')}, with |grad u| <= 1 at their corners and so everywhere "
+            f"({arithmetic}). With {_counted(dropped, 'triangle')} that the disc the zone has at least "
+            f"cannot enter they tile the box from {_point(low)} to {_point(high)}, which holds the whole "
+            f"floor; this was checked in integers. {_copies(sheets, kept)}u(goal) - u(start) is {seconds} m, "
+            f"rounded down: no way from {start} to {goal} that touches nothing is shorter. With a start "
+            f"speed of {_speed(ends[0])}, a goal speed of {_speed(ends[1])}, at most a_max = "
+            f"{limits.acceleration:g} m/s^2 and a_b = {limits.braking:g} m/s^2 along the way, and {fastest}, "
+            f"that takes {_down(Fraction(driven))} s at least, rounded down. Hence: no motion of the full "
+            "robot between these ends takes less. Motions without limits of the drive may."
+        )
     speed = (
         f"it can stop within its clearance at every instant: V is the greatest such speed ({law})"
         if zone is None
@@ -83,6 +102,11 @@ def statement_of(
         f"u(goal) - u(start) is {seconds} s, rounded down. Hence: no motion of the variational model from "
         f"{start} to {goal}{clear}, in whatever homotopy class, takes less than {seconds} s."
     )
+
+
+def _speed(speed: float | str) -> str:
+    words = {"rest": "zero", "safe": "any size"}
+    return words[speed] if isinstance(speed, str) else f"{speed:g} m/s"
 
 
 def _named(zone: AskedZone) -> str:

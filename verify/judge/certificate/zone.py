@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 from verify.judge.certificate.file import CertificateFile
@@ -12,6 +13,7 @@ from verify.judge.limits import Limits
 from verify.judge.zones import AskedZone, GaugeZone
 
 HOLDS = 1e-9  # relative: what a field may lack of the base zone is rounding
+NARROWER = 1e-9  # relative, that the disc is taken narrower where V may be positive in contact
 
 
 def zone_gauge(asked: AskedZone, limits: Limits) -> ZoneGauge | None:
@@ -20,21 +22,35 @@ def zone_gauge(asked: AskedZone, limits: Limits) -> ZoneGauge | None:
     That is so for a zone that is no stopping distance times a shape, and for a shape without a disc around
     the robot in it: there the speed is not limited for some heading, however near obstacles are.
     """
-    if not isinstance(asked.zone, GaugeZone):
-        return None
-    gauge = gauge_of(asked.zone.shape)
-    if gauge is None:
-        return None
-    return ZoneGauge(gauge, min(asked.zone.body.inscribed, _at_most(asked, limits)))
+    gauge = gauge_of(asked.zone.shape) if isinstance(asked.zone, GaugeZone) else None
+    return None if gauge is None else ZoneGauge(gauge, standing_radius(asked, limits))
 
 
-def _at_most(asked: AskedZone, limits: Limits) -> float:
-    """A disc no larger than what surely belongs to the body."""
-    return float("inf") if not asked.plugin else limits.radius + limits.margin
+def standing_radius(asked: AskedZone, limits: Limits) -> float:
+    """Radius [m] of a disc in the zone at standstill: that of the body, where its form is our own."""
+    least = limits.radius + limits.margin
+    if asked.plugin or not isinstance(asked.zone, GaugeZone):
+        return least
+    return max(least, asked.zone.body.inscribed)
 
 
-def zone_faults(file: CertificateFile, asked: AskedZone | None, limits: Limits) -> list[str]:
-    """Whether the certificate was made for the scenario's zone."""
+def length_limits(asked: AskedZone, limits: Limits) -> Limits:
+    """For a zone that limits no speed: the pace 1 s/m, so that u is a length, and the disc it has at least.
+
+    A little narrower, so that a motion whose zone touches an obstacle does not enter dropped triangles
+    either.
+    """
+    narrow = standing_radius(asked, limits) * (1.0 - NARROWER)
+    return replace(limits, radius=narrow, margin=0.0, speed=1.0)
+
+
+def zone_faults(file: CertificateFile, asked: AskedZone | None, *, length: bool) -> list[str]:
+    """Whether the certificate was made for the scenario's zone.
+
+    Parameters
+    ----------
+    length : nothing but the constant pace may bound u.
+    """
     if asked is None:
         return [] if file.zone is None else ["made for a braking zone; the scenario has uniform braking"]
     if file.zone is None:
@@ -44,6 +60,8 @@ def zone_faults(file: CertificateFile, asked: AskedZone | None, limits: Limits) 
         parameters = dict(parameters["base"])
         kind = parameters.pop("type")
     faults = _fields_faults(asked)
+    if length and ((file.weight > 0.0) & (file.feature >= 0)).any():
+        faults.append(f"no feature limits the speed for every heading with the braking zone {kind}")
     try:
         told = json.loads(file.zone.tobytes().decode("utf-8"))
     except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
