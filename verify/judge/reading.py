@@ -21,6 +21,7 @@ from verify.judge.tracking import (
     judge_run,
     record_from_columns,
 )
+from verify.judge.zones import Zone
 
 PRESCREEN = "single_track"  # trajectory of the check of the pre-screen, and its key among the figures
 
@@ -71,10 +72,12 @@ def read_executed(folder: Path, motions: Mapping[str, Motion]) -> list[str]:
     return same
 
 
-def read_simulation(folder: Path, motion: Motion | None, asked: Question) -> Simulated:
+def read_simulation(
+    folder: Path, motion: Motion | None, asked: Question, zone: Zone | None = None
+) -> Simulated:
     """Judge the run, the pre-screen and the emergency stops, as far as they were asked for.
 
-    `motion` is the one to execute, None without one.
+    `motion` is the one to execute, None without one; `zone` what it claims, None for a disc.
 
     Raises
     ------
@@ -91,7 +94,8 @@ def read_simulation(folder: Path, motion: Motion | None, asked: Question) -> Sim
     stops = None
     file = read_stops(folder) if drive.stops else None
     if file is not None and record is not None and motion is not None:
-        stops = judge_stops(file, record, motion.travel_time, setting.surroundings, drive, setting.limits)
+        where = (setting.surroundings, drive, setting.limits, zone)
+        stops = judge_stops(file, record, motion.travel_time, *where)
         if figures is not None and stops.figures is not None:
             figures["emergency_stops"] = stops.figures
     return Simulated(figures=figures, checks=tuple(checks), stops=stops)

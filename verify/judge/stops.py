@@ -13,10 +13,11 @@ from verify.judge.finding import Check, Place
 from verify.judge.geometry import Surroundings
 from verify.judge.limits import Limits
 from verify.judge.question import Drive
-from verify.judge.stops_evidence import faults, recorded_speed
+from verify.judge.stops_evidence import faults, recorded_course, recorded_speed
 from verify.judge.stops_file import StopsFile
 from verify.judge.tracking import Record
 from verify.judge.wheels import FALLEN, lifted, slid
+from verify.judge.zones import Zone, outside
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -56,13 +57,15 @@ class _Outcomes:
     collision: Flags
     fall: Flags
     no_stop: Flags
-    left: Flags  # further from where the stop began than the braking distance claimed there
+    left: Flags  # out of the zone claimed where the stop began
     slid: Flags
     lifted: Flags
     way: Array  # [m], driven
     reach: Array  # [m], greatest distance from where the stop began
     claimed: Array  # [m], braking distance v t_r + v^2 / (2 a_b) at the instant
-    allowed: Array  # [m], the same with what a simulation's steps add
+    beyond: Array  # (m,) [m], of each row, out of the zone claimed at its instant
+    excess: Array  # [m], the greatest of `beyond`
+    allowed: Array  # [m], of it: what a simulation's steps add
     bad: Flags
 
 
@@ -73,22 +76,26 @@ def judge_stops(
     surroundings: Surroundings,
     drive: Drive,
     limits: Limits,
+    zone: Zone | None = None,
 ) -> Stops:
     """Judge every recorded stop; `planned` is the travel time [s] of the motion that is executed.
 
     A stop is bad when the disc touches anything on the way, the vehicle falls, it does not come to rest, or,
-    where friction is reserved for braking, it leaves the disc of its braking distance around where it began:
-    then every stop is promised to stay within. Without the reserve a stop in a bend shares the friction
-    with the turn and may be longer; that is told.
+    where friction is reserved for braking, it leaves the zone claimed where it began: then every stop is
+    promised to stay within. That is the disc of the braking distance around the place, or the robot's disc
+    within the `zone` at the place, course and speed of the recorded run. Without the reserve a stop in a bend
+    shares the friction with the turn and may be longer; that is told.
     """
-    refused = faults(file, record, planned, drive, limits)
+    refused = faults(file, record, planned, drive, limits, by_course=zone is not None)
     if refused:
         return Stops(refused=refused)
     gap, at_rows = surroundings.along(file.points, file.first)
-    found = _outcomes(file, record, limits, gap)
+    found = _outcomes(file, record, limits, gap, zone)
     everything = np.ones(len(file), dtype=bool)
     figures: dict[str, Any] = {"instants": len(file) // 2, "friction_reserve": limits.reserves_friction}
     figures |= _figures(found, everything)
+    if zone is not None:
+        figures["worst_excess"] = float(found.excess.max())
     figures |= {
         "held": _figures(found, ~file.straightened),
         "straightened": _figures(found, file.straightened),
@@ -147,21 +154,26 @@ def _not_evaluated(message: str, *, wanted: bool = True) -> Check:
     return Check(name=NAME, trajectory="simulation", status="not_evaluated", message=message, wanted=wanted)
 
 
-def _outcomes(file: StopsFile, record: Record, limits: Limits, gap: Array) -> _Outcomes:
+def _outcomes(file: StopsFile, record: Record, limits: Limits, gap: Array, zone: Zone | None) -> _Outcomes:
     begin, last = file.first[:-1], file.first[1:] - 1
     # The run's rows say how fast it was, too: no stop claims more than they do.
     v = np.minimum(file.speed[begin], recorded_speed(file, record))
     claimed = v * limits.reaction_time + v * v / (2.0 * limits.braking)
-    allowed = claimed + SETTLING + STEP * v
+    allowed = SETTLING + STEP * v
     away = np.hypot(*(file.points - file.points[begin][file.owner]).T)
     row = file.inner
     step = np.hypot(*(file.points[row + 1] - file.points[row]).T)
     reach = file.most(away)  # of straight lines between rows the ends are furthest
+    if zone is None:
+        beyond = away - claimed[file.owner]
+    else:
+        beyond = _out_of(zone, limits.radius, file, v, recorded_course(file, record))
+    excess = file.most(beyond)  # the places with the disc in the zone are a convex set
     clearance = gap - limits.radius
     collision = (clearance < 0.0) | (gap <= CONTACT)
     fall = file.any(file.tilt > FALLEN)
     no_stop = (file.speed[last] > STANDING) & ~fall
-    left = reach > allowed
+    left = excess > allowed
     return _Outcomes(
         clearance=clearance,
         collision=collision,
@@ -173,9 +185,23 @@ def _outcomes(file: StopsFile, record: Record, limits: Limits, gap: Array) -> _O
         way=file.total(step),
         reach=reach,
         claimed=claimed,
+        beyond=beyond,
+        excess=excess,
         allowed=allowed,
         bad=collision | fall | no_stop | (left & limits.reserves_friction),
     )
+
+
+def _out_of(zone: Zone, radius: float, file: StopsFile, speed: Array, course: Array) -> Array:
+    """How far the disc is out of the zone claimed at the instant, at each row [m]; (m,).
+
+    `speed` [m/s] and `course` [rad] of the run at the instants, (n,) each.
+    """
+    owner = file.owner
+    dx, dy = (file.points - file.points[file.first[:-1]][owner]).T
+    cos, sin = np.cos(course)[owner], np.sin(course)[owner]
+    local = np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx])
+    return outside(zone, radius, local, speed[owner])
 
 
 def _figures(found: _Outcomes, chosen: Flags) -> dict[str, Any]:
@@ -212,9 +238,8 @@ def _failure(file: StopsFile, found: _Outcomes, at_rows: Array, stop: int) -> di
         cause, row = NO_STOP, int(file.first[stop + 1] - file.first[stop]) - 1
         amount = {"speed": float(file.speed[rows][row])}
     else:
-        away = np.hypot(*(file.points[rows] - file.points[rows][0]).T)
-        cause, row = LEFT, int(np.argmax(away > found.allowed[stop]))
-        amount = {"beyond": float(found.reach[stop] - found.claimed[stop])}
+        cause, row = LEFT, int(np.argmax(found.beyond[rows] > found.allowed[stop]))
+        amount = {"beyond": float(found.excess[stop])}
     row += rows.start
     return {
         "stop": stop,

@@ -24,11 +24,18 @@ SAME_HEADING = 0.01  # [rad]
 SAME_SPEED = 0.01  # [m/s]: 1 cm of braking distance at 1 m/s and 1 m/s^2
 
 
-def faults(file: StopsFile, record: Record, planned: float, drive: Drive, limits: Limits) -> tuple[str, ...]:
+# A row's course lies between those of its ends; measured: to 1 mrad.
+SAME_COURSE = 0.01  # [rad]
+TELLING_STEP = 2e-3  # [m]: the direction of a shorter row says nothing
+
+
+def faults(
+    file: StopsFile, record: Record, planned: float, drive: Drive, limits: Limits, *, by_course: bool = False
+) -> tuple[str, ...]:
     """Every reason not to take the stops for evidence about this run; empty when they are.
 
     `planned` is the travel time [s] of the motion that the run follows: what a run takes longer, which
-    `tracking` limits, need not be covered.
+    `tracking` limits, need not be covered. With `by_course` the run must say which way the vehicle moved.
     """
     found = _not_asked_for(file, drive, record, planned)
     if found:
@@ -38,6 +45,7 @@ def faults(file: StopsFile, record: Record, planned: float, drive: Drive, limits
         *_not_of_the_run(file, record, limits),
         *no_motion(file, float(record.t[-1]), limits),
         *unheard_orders(file, record, limits),
+        *(_off_course(record) if by_course else ()),
     )
 
 
@@ -45,6 +53,33 @@ def recorded_speed(file: StopsFile, record: Record) -> Array:
     """The greater speed [m/s] of the run's rows on both sides of each instant; (n,)."""
     before, after, _ = _between(file.instant, record)
     return np.maximum(np.abs(record.v[before]), np.abs(record.v[after]))
+
+
+def recorded_course(file: StopsFile, record: Record) -> Array:
+    """Direction of motion [rad] of the run at each instant; (n,)."""
+    before, after, part = _between(file.instant, record)
+    course = _course(record)
+    return np.asarray(course[before] + part * turn_between(course[before], course[after]))
+
+
+def _course(record: Record) -> Array:
+    """Direction of motion [rad] at each row, that of the body where the record does not tell; (n,)."""
+    return record.heading if record.drift is None else record.heading + record.drift
+
+
+def _off_course(record: Record) -> list[str]:
+    """Rows whose course is not the way to the next row."""
+    if record.drift is None:
+        return ["of a run whose record does not say which way it moved (its velocities along and across)"]
+    course = _course(record)
+    turn = turn_between(course[:-1], course[1:])
+    dx, dy = np.diff(record.x), np.diff(record.y)
+    off = np.abs(turn_between(course[:-1] + 0.5 * turn, np.arctan2(dy, dx)))
+    wrong = (np.hypot(dx, dy) > TELLING_STEP) & (off > SAME_COURSE + 0.5 * np.abs(turn))
+    return [
+        f"of a run that moves {off[i]:.3f} rad off the course its velocities say, at {record.t[i]:.3f} s"
+        for i in np.flatnonzero(wrong)[:1].tolist()
+    ]
 
 
 def _not_asked_for(file: StopsFile, drive: Drive, record: Record, planned: float) -> list[str]:

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 RECORD_COLUMNS = ("t", "x", "y", "heading", "v", "lateral_acceleration")
 LOAD_COLUMNS = ("load_front_left", "load_front_right", "load_rear_left", "load_rear_right")
 WHEEL_COLUMNS = (*LOAD_COLUMNS, "tilt", "mode")  # of the four-wheel model, all of them
+VELOCITY_COLUMNS = ("lateral_velocity", "longitudinal_velocity")  # of the body, where they are recorded
 FELL = 3.0  # mode of a vehicle that has fallen
 
 # A tracking controller at 0.70 to 0.95 of the friction limit stays within 20 mm of its path, and within
@@ -78,6 +79,7 @@ class Record:
     lateral_acceleration: Array | None = None  # (n,) [m/s^2], of the body; without it no wheel is judged
     wheels: Wheels | None = None  # of the four-wheel model
     steering: Array | None = None  # (n,) [rad], of the mean front wheel
+    drift: Array | None = None  # (n,) [rad], of the course from the heading, to the left
 
     @property
     def vehicle(self) -> str:
@@ -248,5 +250,13 @@ def record_from_columns(columns: dict[str, Array]) -> Record:
         loads = np.column_stack([columns[name] for name in LOAD_COLUMNS])
         wheels = Wheels(loads=loads, tilt=columns["tilt"], mode=columns["mode"])
     t, x, y, heading, v, sway = (columns[name] for name in RECORD_COLUMNS)
-    steering = columns.get("steering")
-    return Record(t, x, y, heading, v, lateral_acceleration=sway, wheels=wheels, steering=steering)
+    drift = None
+    if all(name in columns for name in VELOCITY_COLUMNS):
+        drift = np.arctan2(*(columns[name] for name in VELOCITY_COLUMNS))
+    return Record(
+        *(t, x, y, heading, v),
+        lateral_acceleration=sway,
+        wheels=wheels,
+        steering=columns.get("steering"),
+        drift=drift,
+    )

@@ -160,7 +160,8 @@ def examine(folder: Path) -> Findings:
     checks: list[Check] = []
     for name, motion in motions.items():
         checks += check_motion(motion, name, MODEL_OF_PLAN[name], setting)
-    simulated = read_simulation(folder, motions.get(executed or ""), question)
+    claimed = setting.zone_of(executed or "")
+    simulated = read_simulation(folder, motions.get(executed or ""), question, claimed)
     checks += simulated.checks
     zone, of_fields = zone_block(setting, file, executed, motions)
     checks += of_fields
