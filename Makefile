@@ -7,7 +7,7 @@
 #   make study    how graphs rank homotopy classes, on 1,000 random worlds (half an hour; goes on where it stopped)
 #   make peers    installs what benchmarks and some tests compare with (needs a C compiler)
 #   make reproduction   every figure printed in the source beside ours: docs/reproduction.md
-#   make figures  those of docs/speed_graph.md, docs/certificate.md and docs/vc_method.md
+#   make figures  those of docs/speed_graph.md, docs/certificate.md, docs/vc_method.md and docs/braking_zones.md
 #   make clean    removes environment, caches and reports
 #
 # PYTHON=... chooses the interpreter (3.11, 3.12 or 3.13), VENV=... the place of the environment.
@@ -79,6 +79,7 @@ figures: $(STAMP)
 	$(RUN) benchmarks.figures
 	$(RUN) benchmarks.figures_certificate
 	$(RUN) benchmarks.figures_vc_method
+	$(RUN) benchmarks.figures_zones
 
 clean:
 	rm -rf "$(VENV)" build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

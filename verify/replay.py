@@ -80,8 +80,8 @@ def write_replay(
 
     World, start and goal, the planned path coloured by its speed, the driven path; the robot with wheels
     that steer (Ackermann) and turn (as if they rolled without slip), upright, with its disc and the disc that
-    it may need to stop, rho + v t_r + v^2 / (2 a_b) + margin. Where the scenario has a braking zone that turns
-    with the robot, that zone, and of the disc the rim. A point robot is a marker.
+    it may need to stop, rho + v t_r + v^2 / (2 a_b) + margin; with a zone that turns with the robot
+    that zone, and of the disc the rim. A point robot is a marker.
 
     Parameters
     ----------
