@@ -16,12 +16,18 @@ MAX_LINES = 450
 # Inside vnav_drake, by the first name below the package. Problem modules may import each other;
 # geometry may import problem modules; methods both, and never each other.
 PROBLEM = ("robot", "braking", "zones", "world", "convex", "problem", "plan", "biarcs", "scenario*", "testing")
-SHARED = ("voronoi", "arcs", "homotopy", "speed_profile")
+SHARED = ("voronoi", "arcs", "homotopy", "speed_profile", "field_fitting")
 METHODS = ("voronoi_route", "collocation", "speed_graph", "vc_method", "dwa", "lower_bound")
 
 # The judge recomputes everything: from the package it may only know how the text of a scenario file
 # becomes raw numbers. `test_judge_independence` says the same of what is loaded at run time.
 JUDGE_MAY_IMPORT = ("vnav_drake.scenario_file*", "vnav_drake.scenario_faults*")
+# Only here, and only inside the function that is called for a zone that a plugin brings: nobody else has it.
+JUDGE_PLUGINS = "verify.judge.zones.plugin"
+PLUGIN_REGISTRY = (
+    *("vnav_drake.zones", "vnav_drake.zones.catalogue*", "vnav_drake.zones.convex_zone*"),
+    *("vnav_drake.zones.errors*", "vnav_drake.braking*"),
+)
 DRAKE_USERS = ("vnav_drake.collocation*", "vnav_drake.lower_bound*", "systems*", "verify.replay*")
 MATPLOTLIB_USERS = ("verify.report*",)
 
@@ -170,8 +176,28 @@ def test_the_judge_shares_no_code_with_the_planners():
         for target in IMPORTS[module]
         if _within(target, "systems")
         or (target.startswith("vnav_drake.") and not _matches(target, JUDGE_MAY_IMPORT))
+        if not (module == JUDGE_PLUGINS and _matches(target, PLUGIN_REGISTRY))
     ]
     assert not strange, _lines(strange)
+
+
+def test_the_judge_loads_the_registry_of_zones_only_when_it_is_asked_for_a_plugin():
+    tree = TREES[JUDGE_PLUGINS]
+    loaded = ast.Module([node for node in tree.body if not _for_types_only(node)], [])
+    functions = [node for node in ast.walk(loaded) if isinstance(node, ast.FunctionDef)]
+    inside = {id(node) for function in functions for node in ast.walk(function)}
+    at_once = [
+        name
+        for node in ast.walk(loaded)
+        if isinstance(node, ast.Import | ast.ImportFrom) and id(node) not in inside
+        for name in imports_of(ast.Module([node], []), JUDGE_PLUGINS, is_package=False)
+    ]
+    assert not [name for name in at_once if _within(name, "vnav_drake")]
+    assert any(_within(name, "vnav_drake.zones.catalogue") for name in IMPORTS[JUDGE_PLUGINS])
+
+
+def _for_types_only(node: ast.stmt) -> bool:
+    return isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
 
 
 def test_drake_is_used_only_where_it_is_needed():
