@@ -54,7 +54,7 @@ def with_zone(problem: Problem, plan: Plan, kind: str) -> Plan:
     """A plan of the stand-in, driven with the zone itself.
 
     Its details tell of the stand-in: `relaxation`, with the kind and the travel time [s] there. With a disc
-    around the zone the motion is safe as it is, and kept where the zone allows no faster one on its path.
+    around the zone the motion is safe as it is, and kept: there may be no bound to the zone's own speeds.
 
     Raises
     ------
@@ -64,22 +64,12 @@ def with_zone(problem: Problem, plan: Plan, kind: str) -> Plan:
         return plan
     details = {**plan.details, "relaxation": {"kind": kind, "travel_time": plan.travel_time}}
     kept = replace(plan, details=details)
+    if kind == "outer":
+        return kept
     if plan.path is None:
-        return kept if kind == "outer" else _not_driven(plan)
+        raise PlanningError(f"{plan.method} gave no path to drive with the braking zone")
     model: Model = "variational" if plan.model == "variational" else "full"
-    try:
-        motion = fastest_profile(problem, plan.path, model=model, ends="safe")
-    except PlanningError:
-        if kind != "outer":
-            raise
-        return kept
-    if kind == "outer" and motion.travel_time > plan.travel_time:
-        return kept
-    return replace(kept, trajectory=motion)
-
-
-def _not_driven(plan: Plan) -> Plan:
-    raise PlanningError(f"{plan.method} gave no path to drive with the braking zone")
+    return replace(kept, trajectory=fastest_profile(problem, plan.path, model=model, ends="safe"))
 
 
 def plan_uniform(

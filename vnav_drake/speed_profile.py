@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from vnav_drake.plan import Model, Path, Trajectory
 from vnav_drake.problem import PlanningError, Problem
 from vnav_drake.zones.convex_zone import GaugeZone
-from vnav_drake.zones.held_arc import TurnLimit
+from vnav_drake.zones.held_arc import PLAN_SHARE, TurnLimit
 from vnav_drake.zones.rows import RowLimits, row_limits
 
 Array = NDArray[np.float64]
@@ -220,7 +220,7 @@ def _held_arcs(problem: Problem, bend: Array) -> Array:
     """Greatest v^2 (n,) at which the held arc of curvature `bend` stays in the zone, with the reserve."""
     if not problem.friction_reserve or not isinstance(problem.zone, GaugeZone):
         return np.full_like(bend, math.inf)
-    limit = TurnLimit.of(problem.zone)
+    limit = TurnLimit.of(problem.zone, PLAN_SHARE)
     if limit is None:
         return np.full_like(bend, math.inf)
     law = problem.zone.law

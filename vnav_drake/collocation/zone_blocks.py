@@ -12,6 +12,7 @@ from vnav_drake.collocation.mesh import Mesh
 from vnav_drake.convex import ConvexPieces
 from vnav_drake.problem import Problem
 from vnav_drake.zones.convex_zone import ConvexZone, GaugeZone, WidenedZone
+from vnav_drake.zones.held_arc import PLAN_SHARE as PLAN_TURNS
 from vnav_drake.zones.held_arc import TurnLimit
 from vnav_drake.zones.touch import into_body, separation
 
@@ -111,4 +112,4 @@ def held_arc_limit(problem: Problem) -> TurnLimit | None:
     """What held arcs ask for, where friction is kept in reserve and the zone is not wide enough for all."""
     if not problem.friction_reserve or not isinstance(problem.zone, GaugeZone):
         return None
-    return TurnLimit.of(problem.zone)
+    return TurnLimit.of(problem.zone, PLAN_TURNS)

@@ -24,6 +24,9 @@ from vnav_drake.zones.touch import outside_shape
 
 Array = NDArray[np.float64]
 
+# Of the turns that the zone allows, what a plan uses: wheels are still on their way where its curvature changes,
+# and the controller steers too.
+PLAN_SHARE = 0.8
 FULL_TURN = math.pi  # [rad]: a stop turns by less
 TABLE = 4001  # turns of the table
 HALVINGS = 60
@@ -61,15 +64,16 @@ class TurnLimit:
     side: float  # m [m]
     turn: Array  # (k,) [rad], rising
     excess: Array  # (k,), greatest e up to that turn
+    share: float = 1.0
 
     @classmethod
-    def of(cls, zone: GaugeZone) -> TurnLimit | None:
-        """None where every arc stays in the zone, as in a disc."""
+    def of(cls, zone: GaugeZone, share: float = 1.0) -> TurnLimit | None:
+        """None where every arc stays in the zone, as in a disc; `share` of the turns is allowed."""
         turn = np.linspace(0.0, FULL_TURN, TABLE)
         excess = np.maximum.accumulate(arc_excess(zone, turn)[0])
         if excess[-1] <= ROUNDING:
             return None
-        return cls(side_room(zone), turn, excess)
+        return cls(side_room(zone), turn, excess, share)
 
     @property
     def always(self) -> float:
@@ -79,8 +83,7 @@ class TurnLimit:
     def greatest(self, far: Array) -> tuple[Array, Array]:
         """Greatest |kappa| D [rad] at stopping distances (n,) [m], and its derivative [rad/m].
 
-        On the safe side: between the entries of the table the excess is convex or nearly so, and a straight
-        line lies above it.
+        Between the entries of the table by straight lines, good to (pi / TABLE)^2 / 8 of the distance.
         """
         with np.errstate(divide="ignore"):
             share = np.where(far > 0.0, self.side / np.where(far > 0.0, far, 1.0), math.inf)
@@ -93,7 +96,7 @@ class TurnLimit:
         value = np.where(inside, self.turn[at] + slope * above, np.where(last < 0, 0.0, FULL_TURN))
         with np.errstate(invalid="ignore"):
             by_far = np.where(slope > 0.0, -slope * share / np.where(far > 0.0, far, 1.0), 0.0)
-        return value, by_far
+        return self.share * value, self.share * by_far
 
     def stopping_distance(self, curvature: Array) -> Array:
         """Greatest stopping distance [m] that turns (n,) [1/m] allow; infinite straight ahead."""
