@@ -282,7 +282,7 @@ def test_the_answer_and_the_tiles_tell_what_the_zone_gains(case):
     tiles = {figure.name: figure.value for figure in key_figures(result, read_evidence(folder))}
     assert tiles["With uniform braking"] == f"{slow:.3f}\u00a0s"
     assert tiles["Gained by the zone"] == f"{slow - fast:.3f}\u00a0s"
-    assert "Voronoi route: 17.990 s relaxed" in said(text)
+    assert "Voronoi route: 17.990 s with the disc" in said(text)
 
 
 def test_a_promise_that_is_kept_and_one_that_is_not(case, risky):

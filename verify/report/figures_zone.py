@@ -30,6 +30,7 @@ Frame = Mapping[str, Sequence[float]]  # pixel = offset + factor * value, for x 
 
 SHARES = (0.25, 0.5, 0.75, 1.0)  # of the top speed: the zones drawn one in the other
 MOMENTS = 16  # instants whose zone stands on the map
+LABEL_SIDE = np.array([0.8, -0.6])  # where outlines are labelled: ahead to the right
 DASHED, DOTTED = (0, (5, 2)), (0, (1.4, 1.8))
 
 
@@ -122,8 +123,9 @@ def _shape(data: ShapeData, described: dict[str, str], width: float) -> Markup:
     axes.set_ylim(low[1], high[1])
     for outline, speed in zip(outlines, data.speeds, strict=True):
         words = f"{speed:.2f}" + (" m/s" if width == WIDE else "")
-        foot = outline[np.argmin(outline[:, 1])]
-        halo(axes.annotate(words, tuple(foot), (0, 3), textcoords="offset points", ha="center", fontsize=9))
+        place = outline[np.argmax(outline @ LABEL_SIDE)]
+        text = axes.annotate(words, tuple(place), (-3, 3), textcoords="offset points", ha="right", fontsize=9)
+        halo(text)
     return to_svg(figure, **described)
 
 

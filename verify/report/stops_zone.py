@@ -72,7 +72,9 @@ def zone_finding(found: Mapping[str, Any], problem: Problem, claims: ClaimedZone
     left, tried = number_in(found, "left_zone"), number_in(found, "tried") or 0.0
     if left is None:
         return []
-    worst = None if claims is None else float(claims.beyond[claims.worst])
+    worst = number_in(found, "worst_excess")
+    if worst is None and claims is not None:
+        worst = float(claims.beyond[claims.worst])
     if left == 0.0:
         room = (
             ""

@@ -121,20 +121,15 @@ def _relaxation(result: Result) -> list[str]:
         return []
     names = " and ".join(filter(None, (", ".join(method(n).label for n in ran[:-1]), method(ran[-1]).label)))
     many = len(ran) > 1
+    knows = f"{names} know{'' if many else 's'} uniform braking only and ran "
     if kind == "outer":
-        return [
-            f"{names} know{'' if many else 's'} uniform braking only and ran with a disc that holds the "
-            "zone: what "
-            f"{'they find' if many else 'it finds'} is safe, and slower than the zone would allow."
-        ]
+        return [f"{knows}with a disc that holds the zone: safe, and slower than the zone would allow."]
     sentence = (
-        f"{names} know{'' if many else 's'} uniform braking only and ran on the isotropic relaxation, the "
-        "disc "
-        f"inside the zone: faster than the zone allows. The {'paths' if many else 'path'} found "
-        f"{'were' if many else 'was'} then driven with the true zone."
+        f"{knows}on the isotropic relaxation, the disc inside the zone: faster than the zone allows. "
+        f"The {'paths' if many else 'path'} found {'were' if many else 'was'} then driven with the true zone."
     )
     times = [
-        f"{method(name).label}: {seconds(relaxed)} relaxed, "
+        f"{method(name).label}: {seconds(relaxed)} with the disc, "
         f"{seconds(number_in(plans, name, 'travel_time'))} driven"
         for name in ran
         if (relaxed := number_in(plans, name, "relaxation", "travel_time")) is not None

@@ -72,6 +72,7 @@ CHECKS: Mapping[str, str] = MappingProxyType(
         "goal": "Ends at the goal",
         "clearance": "Touches no obstacle",
         "braking_distance": "Can stop within its clearance",
+        "braking_arc": "Held arcs stay in the zone",
         "friction_circle": "Friction circle",
         "tip_over": "Tip-over",
         "steering": "Steering",
@@ -88,6 +89,8 @@ LIMITS: Mapping[str, str] = MappingProxyType(
     {
         "start": "the speed or heading asked at the start",
         "goal": "the speed or heading asked at the goal",
+        "braking_distance": "the braking zone",
+        "braking_arc": "the limit of held arcs",
         "friction_circle": "the friction circle",
         "tip_over": "the tip-over limit",
         "steering": "the steering limit",
@@ -98,7 +101,13 @@ LIMITS: Mapping[str, str] = MappingProxyType(
 
 # The same in a chart or a table, where there is no room; other names as they are.
 BROKEN: Mapping[str, str] = MappingProxyType(
-    {"start": "start heading or speed", "goal": "end heading or speed", "drive": "drive and brakes"}
+    {
+        "start": "start heading or speed",
+        "goal": "end heading or speed",
+        "drive": "drive and brakes",
+        "braking_distance": "braking zone",
+        "braking_arc": "held arc",
+    }
 )
 
 # Why the lower bound was refined no further, by the words in result.json.

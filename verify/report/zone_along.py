@@ -28,17 +28,18 @@ SLACK = 5e-3  # [m]: a zone that touches within what rows and their proofs leave
 HALVINGS = 22  # of the search for the greatest speed: to a millionth of the highest one looked at
 HIGHEST = 1.6  # of the motion's top speed: faster than that nothing is drawn
 
-# What can hold a motion, the first that does is told: key and words.
+# What can hold a motion, the first that does is told: key and words. What limits the bend comes last: where
+# the motion gains or loses speed as fast as it may, that is what holds its speed.
 LIMITS = {
     "zone": "braking zone",
-    "arc": "held arc within the zone",
-    "reserve": "friction reserve",
-    "friction": "friction",
-    "tip": "tip-over",
-    "steering": "steering",
     "speed": "top speed",
     "drive": "drive",
     "brakes": "brakes",
+    "reserve": "friction reserve",
+    "friction": "friction",
+    "tip": "tip-over",
+    "arc": "held arc within the zone",
+    "steering": "steering",
     "none": "none of them alone",
 }
 KEYS = tuple(LIMITS)
