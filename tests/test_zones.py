@@ -10,6 +10,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.optimize import fsolve
 
 from vnav_drake.braking import UniformBraking
 from vnav_drake.world import Obstacle, World
@@ -61,27 +62,20 @@ def test_speed_across_a_corridor() -> None:
 
 
 def gauge_of_point(x: float, y: float, ratio: float, radius: float) -> float:
-    """D whose ellipse, semi-axes (D, beta D), is `radius` away from (x, y), by bisection on the distance.
+    """D whose ellipse, semi-axes (D, beta D), is `radius` away from (x, y), by root finding.
 
-    The distance from a point to an ellipse is that to its boundary's points, finely sampled and refined.
+    The foot point (D cos t, beta D sin t) has (x, y) on its normal (beta cos t, sin t), at that distance.
     """
 
-    def distance(far: float) -> float:
-        low, high = 0.0, 0.5 * math.pi
-        for _ in range(200):  # the distance to the arc in the first quadrant has one minimum
-            third = (high - low) / 3.0
-            one, two = (
-                math.hypot(x - far * math.cos(t), y - ratio * far * math.sin(t))
-                for t in (low + third, high - third)
-            )
-            low, high = (low, high - third) if one < two else (low + third, high)
-        return math.hypot(x - far * math.cos(low), y - ratio * far * math.sin(low))
+    def miss(unknown: Array) -> list[float]:
+        far, t = unknown
+        normal = np.array([ratio * math.cos(t), math.sin(t)])
+        normal *= radius / float(np.hypot(*normal))
+        return [far * math.cos(t) + normal[0] - x, ratio * far * math.sin(t) + normal[1] - y]
 
-    low, high = 0.0, 2.0 * x
-    for _ in range(100):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if distance(middle) > radius else (low, middle)
-    return low
+    found = fsolve(miss, [math.hypot(x, y / ratio) - radius, math.atan2(y / ratio, x)], xtol=1e-13)
+    assert np.abs(miss(found)).max() < 1e-12
+    return float(found[0])
 
 
 @pytest.mark.parametrize("ratio", [0.5, 0.3])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from verify.zoning import has_variational_optimum
 from vnav_drake.lower_bound import LowerBound, lower_bound
 from vnav_drake.plan import Plan
 from vnav_drake.problem import NoPathError, PlanningError
@@ -38,7 +39,8 @@ def run_lower_bound(
     """
     # Ways asked for by name need not hold the fastest: no gap to close, unless the gate is named too.
     aimless = bool(scenario.plan.through) and GATE not in {*scenario.named_gates, *overrides}
-    upper = min((plans[name].travel_time for name in OPTIMA if name in plans), default=None)
+    optima = OPTIMA if has_variational_optimum(scenario.problem) else ("refined",)
+    upper = min((plans[name].travel_time for name in optima if name in plans), default=None)
     try:
         return lower_bound(
             scenario.problem,

@@ -24,8 +24,8 @@ from vnav_drake.zones.touch import outside_shape
 
 Array = NDArray[np.float64]
 
-# Of the turns that the zone allows, what a plan uses: wheels are still on their way where its curvature changes,
-# and the controller steers too.
+# Of the turns that the zone allows, what a plan uses: wheels are still on their way where its curvature
+# changes, and the controller steers too.
 PLAN_SHARE = 0.8
 FULL_TURN = math.pi  # [rad]: a stop turns by less
 TABLE = 4001  # turns of the table
