@@ -194,7 +194,7 @@ def _with_proof(findings: Findings, proof: Proof | None) -> Findings:
     setting, motions = findings.question.setting, findings.motions
     checks = tuple(check for check in findings.checks if check.trajectory != LOWER_BOUND)
     sound = _sound(motions, checks, setting)
-    cost = _end_cost(setting, sound)
+    cost = 0.0 if proof is not None and proof.driven else _end_cost(setting, sound)
     bound = None if proof is None else judge_bound(proof, sound, cost, checks, setting)
     proven = None if bound is None else bound.travel_time
     gap = _gaps(motions, sound, cost, proven, isotropic=setting.isotropic)
