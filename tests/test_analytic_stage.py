@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from judged import scenario
 
-from verify import pipeline
+from verify import planning
 from verify.analytic import full_profile
 from verify.pipeline import run_scenario
 from verify.seeding import route_seeds
@@ -46,10 +46,10 @@ def at_hand() -> tuple[Problem, VoronoiDiagram, Gates, Plan]:
 
 
 def test_a_speed_graph_that_fails_is_missed_and_the_routes_seed_instead(tmp_path, monkeypatch):
-    def fail(*_: object) -> None:
+    def fail(*_: object, **__: object) -> None:
         raise PlanningError("a leg could not be solved")
 
-    monkeypatch.setattr(pipeline, "run_speed_graph", fail)
+    monkeypatch.setattr(planning, "run_speed_graph", fail)
     outcome = run_scenario(room(methods=["speed_graph"]), tmp_path)
     assert outcome.exit_code == 3
     assert [(m.stage, m.reason) for m in outcome.missing] == [("speed_graph", "a leg could not be solved")]

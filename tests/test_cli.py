@@ -18,7 +18,7 @@ from judged import BASE, scenario_bytes
 from result_folder import CHANGES, NO_STOPS, contents, copy_to, outcome
 from shapely.errors import GEOSException
 
-from verify import batch, cli, evidence, pipeline
+from verify import batch, cli, evidence, pipeline, planning
 from verify.__main__ import main
 from verify.evidence import EvidenceError
 from verify.judge import GATE_NAMES
@@ -152,7 +152,7 @@ def test_a_stage_that_cannot_finish_exits_3_and_is_named(tmp_path, capsys, monke
     def fail(*_: object, **__: object) -> None:
         raise PlanningError("out of iterations")
 
-    monkeypatch.setattr(pipeline, "plan_full", fail)
+    monkeypatch.setattr(planning, "plan_full", fail)
     junit = tmp_path / "j.xml"
     assert main([str(write(tmp_path)), "--out", str(tmp_path / "out"), "--junit", str(junit)]) == 3
     assert "missing refined: out of iterations" in capsys.readouterr().out

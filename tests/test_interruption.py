@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from judged import scenario
 
-from verify import atomic, interruption, pipeline
+from verify import atomic, interruption, pipeline, planning
 from verify.atomic import ResultFolder, deferred_signals
 from verify.interruption import Interruption
 
@@ -158,7 +158,7 @@ def test_an_interrupt_that_a_stage_swallows_ends_the_run_with_that_stage(tmp_pat
         with contextlib.suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(pipeline, "build_diagram", swallow)
+    monkeypatch.setattr(planning, "build_diagram", swallow)
     with pytest.raises(KeyboardInterrupt):
         pipeline.run_scenario(scenario(name="a"), tmp_path)
     assert list(tmp_path.iterdir()) == []
