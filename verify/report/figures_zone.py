@@ -18,10 +18,10 @@ from verify.report.palette import CASING, HOLDING, INK, LIMIT, MUTED, method
 from verify.report.series import thinned_path
 from verify.report.speed_scale import speed_colours
 from verify.report.svg import NARROW, WIDE, Picture, arrange, drawing_style, new_axes, to_svg
-from verify.report.zone_along import KEYS, LIMITS, ZoneAlong, arc_points, held_arc_length, placed
+from verify.report.zone_along import KEYS, LIMITS, ZoneAlong, arc_points, gauge_of, held_arc_length, placed
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
-from vnav_drake.zones.convex_zone import ConvexZone, GaugeZone
+from vnav_drake.zones.convex_zone import ConvexZone
 from vnav_drake.zones.field_set import FieldSet
 from vnav_drake.zones.held_arc import greatest_turn
 
@@ -54,9 +54,10 @@ class ShapeData:
         """Greatest curvature [1/m] allowed at the top speed."""
         robot, v = self.problem.robot, self.top
         bend = min(self.problem.lateral_limit / (v * v), robot.max_curvature)
-        if self.problem.friction_reserve and isinstance(self.zone, GaugeZone):
-            far = float(self.zone.law.distance(v)) - self.zone.law.margin
-            bend = min(bend, greatest_turn(self.zone, far) / far) if far > 0.0 else bend
+        shape = gauge_of(self.zone)
+        if self.problem.friction_reserve and shape is not None:
+            far = float(shape.law.distance(v)) - shape.law.margin
+            bend = min(bend, greatest_turn(shape, far) / far) if far > 0.0 else bend
         return bend
 
 
@@ -71,7 +72,7 @@ def draw_shape(data: ShapeData) -> Picture:
         "title": "The braking zone at some speeds",
         "description": f"Outlines of the zone around the robot at {steps} m/s, one in the other, the robot "
         f"driving to the right. A straight stop from {v:.2f} m/s and one with the steering held at the "
-        f"greatest curvature allowed there, 1 over {1.0 / bend:.2f} m, {held:.2f} m long, end where the "
+        f"greatest curvature allowed there, {bend:.3g} 1/m, {held:.2f} m long, end where the "
         "dashed discs are.",
     }
     caption = (

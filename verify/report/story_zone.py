@@ -66,6 +66,8 @@ def shape_words(zone: ConvexZone) -> str:
         return f"A convex polygon of {many} corners, in shares of {reach}, around the disc{margin}."
     if isinstance(zone, FieldSet):
         many = len(zone.max_speeds)
+        if many == 1:
+            return f"One field for all speeds up to {zone.max_speeds[0]:.2f}\u00a0m/s."
         return f"{many} fields, switched by speed: at each speed the least one that is meant for it."
     name = label(zone.type_name) or "unnamed"
     return f"A zone of its own type, “{name}”, told by its support function; it grows with {reach}."
@@ -230,7 +232,11 @@ def _fields(result: Result, fields: Mapping[str, Any]) -> list[str]:
     cost = number_in(told_of, "cost")
     switches = sum((number_in(item, "s") or 0.0) > 0.0 for item in entries(fields, "switches"))
     number = number_in(told_of, "count") or float(len(entries(fields, "cases")))
-    sentences = [f"{count(number)} fields stand for the zone, switched {_times(switches)} on the way."]
+    sentences = [
+        "One field stands for the zone at all speeds."
+        if number == 1.0
+        else f"{count(number)} fields stand for the zone, switched {_times(switches)} on the way."
+    ]
     if cost is not None:
         sentences.append(
             f"They cost {percent(cost)} of travel time against the zone that grows smoothly with the speed."

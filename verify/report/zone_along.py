@@ -17,7 +17,8 @@ from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
 from vnav_drake.world import World
 from vnav_drake.zones.convex_zone import ConvexZone, GaugeZone
-from vnav_drake.zones.held_arc import arc_excess, side_room
+from vnav_drake.zones.field_set import FieldSet
+from vnav_drake.zones.held_arc import PLAN_SHARE, arc_excess, side_room
 from vnav_drake.zones.touch import separation
 
 Array = NDArray[np.float64]
@@ -200,12 +201,18 @@ def _limits(problem: Problem, zone: ConvexZone, rows: Array, gap: Array, fastest
 
 def _at_arc(problem: Problem, zone: ConvexZone, v: Array, curvature: Array) -> NDArray[np.bool_]:
     """Whether the held arc under full braking just stays in the zone (docs/braking_zones.md)."""
-    if not (problem.friction_reserve and isinstance(zone, GaugeZone)):
+    shape = gauge_of(zone)
+    if not problem.friction_reserve or shape is None:
         return np.zeros(len(v), dtype=bool)
-    law = zone.law
-    far = law.distance(v) - law.margin
-    excess, _ = arc_excess(zone, np.abs(curvature) * far)
-    return np.asarray((far * excess >= side_room(zone) - SLACK) & (np.abs(curvature) * far > NEAR))
+    far = shape.law.distance(v) - shape.law.margin
+    excess, _ = arc_excess(shape, np.abs(curvature) * far / PLAN_SHARE)  # the rest is for the steering
+    return np.asarray((far * excess >= side_room(shape) - SLACK) & (np.abs(curvature) * far > NEAR))
+
+
+def gauge_of(zone: ConvexZone) -> GaugeZone | None:
+    """The zone that grows with the stopping distance, for fields the one they stand for; None without one."""
+    found = zone.base if isinstance(zone, FieldSet) else zone
+    return found if isinstance(found, GaugeZone) else None
 
 
 def held_arc_length(problem: Problem, v: float, curvature: float) -> float:
