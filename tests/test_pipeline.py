@@ -17,7 +17,7 @@ from judged import scenario, scenario_bytes
 from result_folder import CHANGES, NO_STOPS, contents, copy_to, outcome
 
 from systems import SimulationError
-from verify import evidence, execution, pipeline, seeding
+from verify import evidence, execution, pipeline, planning, seeding
 from verify.judge import judge
 from verify.pipeline import plain, run_scenario
 from verify.recheck import recheck
@@ -83,7 +83,7 @@ def test_the_verdict_is_a_pure_function_of_the_folder(tmp_path):
 def run_with(monkeypatch: pytest.MonkeyPatch, out: Path, **broken: Exception) -> pipeline.Outcome:
     """A real run in which the named stages raise instead of finishing."""
     for name, error in broken.items():
-        module = execution if name == "simulate" else pipeline
+        module = execution if name == "simulate" else planning
 
         def fail(*_: object, error: Exception = error, **__: object) -> None:
             raise error
