@@ -145,6 +145,21 @@ def test_what_is_shown_is_there():
     assert "images/braking_zones_route.svg" in PAGE
 
 
+def test_the_route_of_the_readme_is_as_fast_as_it_says():
+    base = load_scenario(ROOT / "scenarios" / "warehouse.yaml").problem
+    zone = EllipseZone(law=base.braking, radius=base.robot.radius, lateral_ratio=0.5)
+    motion, uniform = pictures.corner(pictures.replace(base, zone=zone))
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    told = re.search(r"the same route takes ([\d.]+) s instead of ([\d.]+) s", readme).groups()
+    assert [float(time) for time in told] == pytest.approx(
+        [motion.travel_time, uniform.travel_time], abs=0.05
+    )
+    # with uniform braking the optimum is in [25.44124, 25.44170] s; nothing with the zone beats the disc inside
+    # it, whose a_b is twice as large: times fall by sqrt(2)
+    assert uniform.travel_time == pytest.approx(25.4417, rel=2e-5)
+    assert motion.travel_time >= 25.44124 / math.sqrt(2.0)
+
+
 def test_the_zone_shown_for_scenario_files_is_read(tmp_path):
     (block,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
     content = yaml.safe_load((ROOT / "scenarios" / "warehouse.yaml").read_text(encoding="utf-8"))

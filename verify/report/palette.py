@@ -56,7 +56,7 @@ METHODS: Mapping[str, Method] = MappingProxyType(
                    light="#0072b2", dark="#4ba3e3", text="#00629a", marker="o", dash=(0, (2.2, 1.4))),
             Method(key="refined", label="Full-robot collocation", kind="optimised",
                    light="#009e73", dark="#2cc795", text="#00714f", marker="s"),
-            Method(key="uniform", label="Full robot, uniform braking", kind="optimised",
+            Method(key="uniform", label="Uniform braking", kind="optimised",
                    light="#6f56b0", dark="#b3a0ec", text="#573f97", marker="p", dash=(0, (7, 2))),
             Method(key="simulation", label="Simulated run", kind="simulated",
                    light="#d55e00", dark="#ff8a4a", text="#a84900", marker="^", dash=(0, (4, 1, 1, 1))),

@@ -118,7 +118,7 @@ def stop_story(
     more = int(bad) - len(failed)
     return StopStory(
         sentences=[*_sentences(result, found, problem), *_too_short(problem, stops)],
-        finding=zone_finding(found, problem, claims)
+        finding=[*zone_finding(found, problem, claims), *_zone_reaction(problem, stops, claims)]
         if problem.zone is not None
         else []
         if stops is None
@@ -190,7 +190,9 @@ def finding(
     away = leaving(problem, stops)
     gained = away & _mostly_gained(problem, stops)
     if gained.any():
-        sentences += _reaction(problem, stops, gained)
+        sentences += _reaction(
+            problem, stops, gained, (stops.displacement - stops.claimed(problem.braking))[gained]
+        )
     shared, turn = sharing(problem, stops, run, but=gained)
     if shared.any():
         sentences += _source(problem, int(shared.sum()), turn)
@@ -228,17 +230,35 @@ def _mostly_gained(problem: Problem, stops: StopPaths) -> NDArray[np.bool_]:
     return np.asarray(2.0 * stops.won(problem.braking) >= np.maximum(beyond, 2.0 * SETTLING))
 
 
-def _reaction(problem: Problem, stops: StopPaths, gained: NDArray[np.bool_]) -> list[str]:
-    """What a reaction time does to the braking law where the plan speeds up."""
+def _zone_reaction(problem: Problem, stops: StopPaths | None, claims: ClaimedZones | None) -> list[str]:
+    """The same where the zone is no disc; nothing where no stop leaves its zone for that reason."""
+    if stops is None or claims is None or problem.braking.reaction_time <= 0.0:
+        return []
+    away = claims.beyond > SETTLING + STEP * stops.speed
+    gained = away & (2.0 * stops.won(problem.braking) >= claims.beyond)
+    return _reaction(problem, stops, gained, claims.beyond[gained], "zone") if gained.any() else []
+
+
+def _reaction(
+    problem: Problem,
+    stops: StopPaths,
+    gained: NDArray[np.bool_],
+    beyond: NDArray[np.float64],
+    claimed: str = "disc",
+) -> list[str]:
+    """What a reaction time does to the braking law where the plan speeds up.
+
+    `beyond` [m]: how far each of the stops `gained` comes out of what it claims.
+    """
     delay = problem.braking.reaction_time
-    beyond = (stops.displacement - stops.claimed(problem.braking))[gained]
     most = int(np.argmax(beyond))
     won = float(stops.won(problem.braking)[gained][most])
     faster = (stops.speed_after(delay) - stops.speed)[gained][most]
     share = f"{100.0 * min(won / float(beyond[most]), 1.0):.0f}\u00a0%"
     return [
         f"In {count(len(beyond))} of them the plan speeds up: until the brakes act, {delay:g}\u00a0s after "
-        "the command, the vehicle goes on along its plan. Of the one that goes farthest beyond its disc, "
+        f"the command, the vehicle goes on along its plan. Of the one that goes farthest beyond its "
+        f"{claimed}, "
         f"{with_unit(float(beyond[most]), 'm')}, the {with_unit(float(faster), 'm/s')} won by then explain "
         f"{share}.",
         "This is a finding about the braking law with a reaction time: v t_r + v²/(2 a_b) takes the speed at "
