@@ -1,13 +1,15 @@
-"""How fast is safe at a given clearance: the uniform braking law.
+"""How fast is safe: the uniform braking law, and what every other braking zone is asked.
 
 Manor 2015, eq. (3.13), with the reaction time and margin of safety-scanner practice: the robot
-must be able to stop within its clearance, `v t_r + v^2 / (2 a_b) + m <= d`.
+must be able to stop within its clearance, `v t_r + v^2 / (2 a_b) + m <= d`. Zones that depend on the heading
+(Manor 2015, Secs. 3.8, 4.3) are in `vnav_drake.zones`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -62,3 +64,38 @@ class UniformBraking:
         moving = (v > 0.0) & (v < self.max_speed)
         slope = self.max_braking / np.where(moving, v + self.max_braking * self.reaction_time, 1.0)
         return np.where(moving, slope, 0.0)
+
+
+class BrakingZone(Protocol):
+    """What must be free of obstacles at a pose and a speed; convex, and never smaller at a higher speed.
+
+    All that planners, bounds and pictures ask of a zone follows from its support function:
+    `zones.speed.safe_speed` the greatest safe speed at poses, `zones.touch.separation` the signed distance to
+    convex obstacles with its derivatives, `zones.rows` the same between the samples of a path, the lower
+    bound the set of velocities. New zones derive from `zones.convex_zone.GaugeZone`, which asks for the
+    shape alone, or from `ConvexZone`.
+    """
+
+    @property
+    def law(self) -> UniformBraking:
+        """Stopping distance, margin and greatest speed."""
+
+    @property
+    def radius(self) -> float:
+        """Of the robot's disc [m]."""
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether it is the same for all headings: then uniform braking and its closed forms serve."""
+
+    def support(self, angle: ArrayLike, speed: ArrayLike) -> tuple[Array, Array, Array]:
+        """How far it reaches in directions [rad] of the body's frame at speeds [m/s], and both slopes."""
+
+    def outline(self, speed: float) -> Array:
+        """Its boundary (m, 2) [m] at a speed, in the body's frame."""
+
+    def inner_law(self) -> UniformBraking | None:
+        """Uniform braking whose disc lies in it: the isotropic relaxation, where there is one."""
+
+    def outer_law(self) -> UniformBraking | None:
+        """Uniform braking whose disc holds it, where there is one."""

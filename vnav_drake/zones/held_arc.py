@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 # changes, and the controller steers too.
 PLAN_SHARE = 0.8
 FULL_TURN = math.pi  # [rad]: a stop turns by less
+SHORTEST = 1e-9  # [m], of stopping distances
 TABLE = 4001  # turns of the table
 HALVINGS = 60
 ROUNDING = 1e-12  # of an excess in units of the stopping distance
@@ -85,8 +86,8 @@ class TurnLimit:
 
         Between the entries of the table by straight lines, good to (pi / TABLE)^2 / 8 of the distance.
         """
-        with np.errstate(divide="ignore"):
-            share = np.where(far > 0.0, self.side / np.where(far > 0.0, far, 1.0), math.inf)
+        far = np.maximum(far, SHORTEST)
+        share = self.side / far
         last = np.searchsorted(self.excess, np.maximum(share, ROUNDING), side="right") - 1
         inside = (last >= 0) & (last < len(self.turn) - 1)
         at = np.clip(last, 0, len(self.turn) - 2)
@@ -94,8 +95,7 @@ class TurnLimit:
         above = np.maximum(share - self.excess[at], 0.0)
         slope = np.where(inside & (share > ROUNDING), step / np.where(rise > 0.0, rise, 1.0), 0.0)
         value = np.where(inside, self.turn[at] + slope * above, np.where(last < 0, 0.0, FULL_TURN))
-        with np.errstate(invalid="ignore"):
-            by_far = np.where(slope > 0.0, -slope * share / np.where(far > 0.0, far, 1.0), 0.0)
+        by_far = -slope * share / far
         return self.share * value, self.share * by_far
 
     def stopping_distance(self, curvature: Array) -> Array:
