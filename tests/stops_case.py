@@ -52,6 +52,8 @@ def run_columns() -> Arrays:
         "y": np.full(len(t), 2.0),
         "heading": still,
         "v": np.full(len(t), SPEED),
+        "longitudinal_velocity": np.full(len(t), SPEED),
+        "lateral_velocity": still,
         "steering": still,
         "lateral_acceleration": still,
         **{name: np.full(len(t), 40.0 * 9.81 / 4.0) for name in LOAD_COLUMNS},
@@ -174,11 +176,12 @@ def judged(arrays: Arrays, run: Record | None = None, **changes: Any) -> Stops:
     file = StopsFile(model=str(arrays["model"]), **columns)
     setting = asked.setting
     planned = LENGTH / SPEED
-    return judge_stops(file, run or record(), planned, setting.surroundings, asked.drive, setting.limits)
+    where = (setting.surroundings, asked.drive, setting.limits, setting.zone_of("refined"))
+    return judge_stops(file, run or record(), planned, *where)
 
 
-def figures(arrays: Arrays, **changes: Any) -> dict[str, Any]:
-    found = judged(arrays, **changes)
+def figures(arrays: Arrays, run: Record | None = None, **changes: Any) -> dict[str, Any]:
+    found = judged(arrays, run, **changes)
     assert found.refused == ()
     assert found.figures is not None
     return found.figures

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from verify.judge.continuous import RESOLUTION, LeastMargin
 from verify.judge.limits import Limits
 from verify.judge.motion import Motion
-from verify.judge.zones.separation import separation
+from verify.judge.zones.separation import CHUNK, separation
 from verify.judge.zones.zone import Zone
 
 Array = NDArray[np.float64]
 
 ROUNDS = 40  # of halving turns; a coarser (still proven) bound is returned beyond them
-CHUNK = 20_000  # points handled at once
 
 
 def outside(zone: Zone, radius: float, points: Array, speed: Array) -> Array:

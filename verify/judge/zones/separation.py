@@ -41,6 +41,7 @@ DIRECTIONS = 24  # of the first look for the best one
 NARROWINGS = 34  # of its bracket by the golden ratio: to 4e-8 rad, and the gap is flat where it is greatest
 BUDGET = 400_000  # pieces looked at; a coarser (still proven) bound is returned beyond it
 PAIRS = 400_000  # rows times features handled at once
+CHUNK = 20_000  # searches for the best direction made at once
 LOOSE = 1e-4  # [m], resolution with zones whose bounds fall only with the length of a piece
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
@@ -202,8 +203,11 @@ class _Search:
         """Best direction [rad, world] in the middle of each piece; the gap there is attained."""
         along = 0.5 * (pieces.begin + pieces.end)
         ends, heading = self._in_body_frame(pieces, along)
-        speed = self.motion.speed(pieces.row, along)
-        gap, angle = separation(self.zone, ends, self.features[pieces.feature, 4], speed)
+        speed, radius = self.motion.speed(pieces.row, along), self.features[pieces.feature, 4]
+        gap, angle = np.empty(len(pieces)), np.empty(len(pieces))
+        for first in range(0, len(pieces), CHUNK):
+            here = slice(first, first + CHUNK)
+            gap[here], angle[here] = separation(self.zone, ends[here], radius[here], speed[here])
         least = int(np.argmin(gap))
         if gap[least] < self.best:
             self.best = float(gap[least])
