@@ -154,8 +154,8 @@ def test_the_route_of_the_readme_is_as_fast_as_it_says():
     assert [float(time) for time in told] == pytest.approx(
         [motion.travel_time, uniform.travel_time], abs=0.05
     )
-    # with uniform braking the optimum is in [25.44124, 25.44170] s; nothing with the zone beats the disc inside
-    # it, whose a_b is twice as large: times fall by sqrt(2)
+    # with uniform braking the optimum is in [25.44124, 25.44170] s; the disc in the zone has
+    # twice the a_b, so all its times fall by sqrt(2), and nothing with the zone beats it
     assert uniform.travel_time == pytest.approx(25.4417, rel=2e-5)
     assert motion.travel_time >= 25.44124 / math.sqrt(2.0)
 

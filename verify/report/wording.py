@@ -150,6 +150,17 @@ GLOSSARY: tuple[tuple[str, str, str], ...] = (
         f"{THESIS}, eq. (3.13); reaction time and margin as in safety-scanner practice",
     ),
     (
+        "Braking zone",
+        "What must be free at a pose and a speed: a disc of the braking distance, or a shape that "
+        "turns with the heading and grows with the speed (docs/braking_zones.md).",
+        f"{THESIS}, Secs. 3.8 and 4.3",
+    ),
+    (
+        "Friction reserve",
+        "Lateral acceleration at most √((μg)² − a_b²), so that full braking is left in every bend.",
+        "docs/braking_zones.md",
+    ),
+    (
         "Variational model",
         "The braking limit alone: no limit on turning, drive or steering. "
         "Every further limit can only raise its optimum.",
