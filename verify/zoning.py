@@ -13,6 +13,7 @@ from vnav_drake.plan import Model, Path, Plan
 from vnav_drake.problem import PlanningError, Problem
 from vnav_drake.speed_profile import fastest_profile
 
+OPTIMUM = "collocation"  # the plan of the variational model with the zone itself
 UNIFORM = "uniform"  # the plan of the same robot with uniform braking
 
 
@@ -86,8 +87,12 @@ def plan_uniform(
 
 
 def zone_seeds(seeds: Sequence[Seed], uniform: Plan | None, name: Callable[[Path], str]) -> list[Seed]:
-    """The seeds of the full model: the way with uniform braking first, which is safe and smooth."""
+    """The seeds of the full model: the way with uniform braking first, which is safe and smooth.
+
+    It stands for the analytic ones of its class.
+    """
     if uniform is None or uniform.path is None:
         return list(seeds)
-    first = Seed(uniform.path, UNIFORM, homotopy_class=name(uniform.path), as_mesh=False)
-    return [first, *seeds]
+    found = name(uniform.path)
+    first = Seed(uniform.path, UNIFORM, homotopy_class=found, as_mesh=False)
+    return [first, *(seed for seed in seeds if seed.method == OPTIMUM or seed.homotopy_class != found)]
