@@ -52,8 +52,9 @@ LEANS = (1.0, 0.5, 0.0)  # of k, as shares of the lean towards the origin
 WIDTHS = (1.0, 0.8, 0.6, 0.4, 1.3)  # of B, as shares of the width with S's own curvature
 SEARCH = 40  # golden sections
 INSIDE = 1.0 - 1e-9
-SHRUNK = (0.999, 0.99)  # shares of the touching point that are tried where
-POOR = 0.05  # sigma B is less than this share of it
+# Shares of the touching point that are tried where sigma B is less than a share of what an ellipse around zero
+# with S's own curvature has.
+SHRUNK = ((0.999, 0.1), (0.99, 0.1), (0.97, 0.02), (0.93, 0.02))
 LEAST = 0.02  # share of the disc in S: where sigma B is less, the disc is better
 
 
@@ -83,12 +84,13 @@ def ellipses(minorant: Array, heading: Array) -> Ellipses:
     """
     x, y = touching(minorant)
     found = _fitted(minorant, x, y)
-    for share in SHRUNK:  # at a vertex of S no ellipse touches: stay away from it
-        poor = np.flatnonzero(found[3] < POOR * x[:, 0])
-        again = _fitted(minorant[poor], share * x[poor], share * y[poor])
+    whole = x.copy(), y.copy()
+    for share, least in SHRUNK:  # at a vertex of S no ellipse touches: stay away from it
+        poor = np.flatnonzero(found[3] < least * np.sqrt(_radius(minorant, x)[0] * x[:, 0]))
+        again = _fitted(minorant[poor], share * whole[0][poor], share * whole[1][poor])
         better = again[3] > found[3][poor]
         rows = poor[better]
-        x[rows], y[rows] = share * x[rows], share * y[rows]
+        x[rows], y[rows] = share * whole[0][rows], share * whole[1][rows]
         for part, other in zip(found, again, strict=True):
             part[rows] = other[better]
     k, width, size, merit = found
@@ -98,7 +100,7 @@ def ellipses(minorant: Array, heading: Array) -> Ellipses:
     point = x[..., None] * tau[:, None] + y[..., None] * nu[:, None]
     centre = point - size[..., None] * (tau + k[:, None] * nu)[:, None]
     plain = discs(minorant)
-    plainer = merit < LEAST * plain.size[:, 0]
+    plainer = merit < LEAST * plain.size.min(axis=1)
     return Ellipses(
         np.where(plainer[:, None, None], plain.inverse, inverse),
         np.where(plainer[:, None, None], plain.centre, centre),
@@ -110,13 +112,11 @@ def _fitted(minorant: Array, x: Array, y: Array) -> tuple[Array, Array, Array, A
     """The best k, B (t,), sigma (t, 2) and sigma B (t,) found that touch at x tau + y nu, (t, 2) each."""
     cos, sin = np.cos(BESIDE), np.sin(BESIDE)
     room = minorant - x[..., None] * cos - y[..., None] * sin  # G
-    step = _HALF[0]
-    bend = (minorant[..., _ZERO - 1] - 2.0 * minorant[..., _ZERO] + minorant[..., _ZERO + 1]) / step**2
-    bend = np.maximum(bend + minorant[..., _ZERO], 0.0)  # m + m'', radius of curvature of S
+    radius, bend = _radius(minorant, x)
     firm = np.where(room[..., _ZERO] <= 1e-9 * minorant[..., _ZERO], bend, np.inf)
     near = np.maximum(np.delete(room, _ZERO, axis=2), 0.0)
     c, s = np.delete(cos, _ZERO), np.delete(sin, _ZERO)
-    lean, radius = y[:, 0] / x[:, 0], np.clip(bend[:, 0], 0.02 * x[:, 0], 50.0 * x[:, 0])
+    lean = y[:, 0] / x[:, 0]
     merit = np.full(len(x), -1.0)
     kept = [np.zeros(len(x)), np.ones(len(x)), np.zeros_like(x)]
     for part in LEANS:
@@ -126,14 +126,23 @@ def _fitted(minorant: Array, x: Array, y: Array) -> tuple[Array, Array, Array, A
             reach = np.sqrt(np.square(a) + np.square(width[:, None] * s)) - a
             size = (near / np.maximum(reach, 1e-300)[:, None]).min(axis=2)
             size = INSIDE * np.minimum(size, firm / np.square(width)[:, None])
-            better = size[:, 0] * width > merit
-            merit = np.where(better, size[:, 0] * width, merit)
+            worth = size.min(axis=1) * width
+            better = worth > merit
+            merit = np.where(better, worth, merit)
             kept = [
                 np.where(better, k, kept[0]),
                 np.where(better, width, kept[1]),
                 np.where(better[:, None], size, kept[2]),
             ]
     return kept[0], kept[1], kept[2], merit
+
+
+def _radius(minorant: Array, x: Array) -> tuple[Array, Array]:
+    """Radius of curvature m + m'' of S where it touches: of the first (t,), kept moderate, and both (t, 2)."""
+    step = _HALF[0]
+    bend = (minorant[..., _ZERO - 1] - 2.0 * minorant[..., _ZERO] + minorant[..., _ZERO + 1]) / step**2
+    bend = np.maximum(bend + minorant[..., _ZERO], 0.0)
+    return np.clip(bend[:, 0], 0.02 * x[:, 0], 50.0 * x[:, 0]), bend
 
 
 def touching(minorant: Array) -> tuple[Array, Array]:

@@ -17,6 +17,8 @@ from vnav_drake.lower_bound.cover import barycentric_gradients
 from vnav_drake.lower_bound.inscribed import Ellipses
 from vnav_drake.lower_bound.minorant import WEIGHT_GRID, Choice
 
+HOLDS_ZERO = 0.98  # an ellipse holds zero well where it is at most this share of its size from the centre
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -113,16 +115,19 @@ def solve(elements: Elements, start: Functional, goal: Functional, setting: Sett
     alpha = program.NewContinuousVariables(len(mixed), "alpha")
     share = np.empty(count, dtype=object)
     share[mixed] = alpha
+    part: dict[tuple[int, int], NDArray[np.object_]] = {}
     if elements.allowed is None:
         matrix, offset = _discs(rows, limit, choice)
     else:
-        matrix, offset = _ellipses(rows, elements.allowed, typical, choice)
+        matrix, offset, lifted = _ellipses(rows, elements.allowed, typical, choice)
+        part = _parts(program, lifted, share, choice)
     cones = []
     for t, (mix, variables) in enumerate(zip(choice.ridge.tolist(), u[elements.control], strict=True)):
-        width = 4 if mix else 3
         for i in range(3):
             x = np.append(variables[i], share[t]) if mix else variables[i]
-            cones.append(program.AddLorentzConeConstraint(matrix[t, i, :, :width], offset[t, i], x))
+            if part and (t, i) in part:
+                x = np.append(variables[i], part[t, i])
+            cones.append(program.AddLorentzConeConstraint(matrix[t, i, :, : len(x)], offset[t, i], x))
     if len(mixed):
         program.AddBoundingBoxConstraint(0.0, 1.0, alpha)
     program.AddBoundingBoxConstraint(0.0, 0.0, u[start.number[:1]])  # u is free up to a constant
@@ -165,17 +170,39 @@ def _discs(rows: Array, limit: Array, choice: Choice) -> tuple[Array, Array]:
     return matrix, offset
 
 
-def _ellipses(rows: Array, allowed: Ellipses, typical: Array, choice: Choice) -> tuple[Array, Array]:
+def _parts(
+    program: MathematicalProgram, lifted: NDArray[np.bool_], share: NDArray[np.object_], choice: Choice
+) -> dict[tuple[int, int], NDArray[np.object_]]:
+    """Variables for each lifted corner: the shares of its one or two ellipses, together at most one."""
+    corner = np.argwhere(lifted)
+    found = {}
+    if len(corner):
+        parts = program.NewContinuousVariables(len(corner), 2, "part")
+        program.AddBoundingBoxConstraint(0.0, 1.0, parts.ravel())
+        for (t, i), part in zip(corner.tolist(), parts, strict=True):
+            found[t, i] = part if choice.ridge[t] else part[:1]
+            if choice.ridge[t]:
+                program.AddLinearConstraint(part[0] - share[t] <= 0.0)
+                program.AddLinearConstraint(part[1] + share[t] <= 1.0)
+    return found
+
+
+def _ellipses(
+    rows: Array, allowed: Ellipses, typical: Array, choice: Choice
+) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Cones |P^-1 (g - c)| <= sigma: c and sigma of the second ellipse, plus weight times the difference.
 
-    One triangle's gradients of control values are the same at its three corners: `rows` (t, 3, 2).
+    Gradients of control values are the same at a triangle's corners: `rows` (t, 3, 2). Where an ellipse does
+    not hold zero, the program could be infeasible: there the set of gradients, which is convex and holds
+    zero, also holds shares of them, and the corner is `lifted` (t, 3): its cone is |P^-1 g - sum s_k c_k| <=
+    sum s_k sigma_k.
     """
     inverse = allowed.inverse.reshape(-1, 3, 2, 2)
     centre = np.einsum("tcki,tcsi->tcsk", inverse, allowed.centre.reshape(-1, 3, 2, 2))
     centre /= typical[:, None, None, None]
     size = allowed.size.reshape(-1, 3, 2) / typical[:, None, None]
     mixed = choice.ridge
-    matrix = np.zeros((len(rows), 3, 3, 4))
+    matrix = np.zeros((len(rows), 3, 3, 5))
     matrix[:, :, 1:, :3] = np.einsum("tcki,tji->tckj", inverse, rows)
     matrix[mixed, :, 0, 3] = (size[..., 0] - size[..., 1])[mixed]
     matrix[mixed, :, 1:, 3] = (centre[:, :, 1] - centre[:, :, 0])[mixed]
@@ -183,7 +210,12 @@ def _ellipses(rows: Array, allowed: Ellipses, typical: Array, choice: Choice) ->
     which = mixed.astype(np.int64)[:, None]
     offset[:, :, 0] = np.where(which == 1, size[..., 1], size[..., 0])
     offset[:, :, 1:] = -np.where(which[..., None] == 1, centre[:, :, 1], centre[:, :, 0])
-    return matrix, offset
+    away = np.hypot(centre[..., 0], centre[..., 1]) > HOLDS_ZERO * size  # (t, 3, 2)
+    lifted = np.where(mixed[:, None], away.any(axis=2), away[..., 0])
+    matrix[lifted, 0, 3:] = size[lifted]
+    matrix[lifted, 1:, 3:] = -np.swapaxes(centre[lifted], 1, 2)
+    offset[lifted] = 0.0
+    return matrix, offset, lifted
 
 
 def _on_grid(weight: Array) -> Array:

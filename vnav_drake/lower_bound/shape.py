@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from vnav_drake.zones.convex_zone import GaugeZone
@@ -21,12 +22,15 @@ from vnav_drake.zones.shapes import EllipseZone, PolygonZone
 
 Array = NDArray[np.float64]
 
-SIDES = 1440  # of the polygon in a shape that is known by its support function only: 5e-6 smaller
+SIDES = 5760  # of the polygon in a shape that is known by its support function only
+INSIDE = 1.0 - 1e-5  # of that polygon is taken, as others may find another one in the same shape
 LEAST_INSIDE = 1e-3  # share of the stopping distance: a smaller disc in E bounds nothing
 
 
 class Shape(ABC):
     """A convex set E with 0 inside, in shares of the stopping distance; zero angle is straight ahead."""
+
+    smooth = True  # whether the support function has no kinks
 
     @abstractmethod
     def support(self, angle: Array) -> tuple[Array, Array]:
@@ -69,6 +73,7 @@ class Polygon(Shape):
     """A convex polygon with 0 inside; corners (k, 2) anticlockwise."""
 
     corners: Array
+    smooth: bool = False
 
     @cached_property
     def _sides(self) -> tuple[Array, Array, Array, Array]:
@@ -109,7 +114,7 @@ def shape_of(zone: GaugeZone) -> Shape | None:
     h, slope = zone.shape(angle)
     cos, sin = np.cos(angle), np.sin(angle)
     touching = np.stack([h * cos - slope * sin, h * sin + slope * cos], axis=1)
-    return Polygon(_anticlockwise(touching))
+    return Polygon(_anticlockwise(INSIDE * touching), smooth=not len(zone.kinks))
 
 
 def body_radius(zone: GaugeZone) -> float:
@@ -120,7 +125,5 @@ def body_radius(zone: GaugeZone) -> float:
 
 def _anticlockwise(corners: Array) -> Array:
     """The hull of points (k, 2)."""
-    import shapely
-
     hull = shapely.geometry.polygon.orient(shapely.MultiPoint(corners).convex_hull)
     return np.asarray(shapely.get_coordinates(hull)[:-1])

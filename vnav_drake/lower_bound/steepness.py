@@ -14,8 +14,8 @@ from vnav_drake.lower_bound.minorant import Choice
 
 Array = NDArray[np.float64]
 
-CLOSER = 3  # looks between headings, each four times as close
-NEARLY = 0.03  # quotients this share below the worst are looked at more closely
+CLOSER, CLOSER_KINKED = 4, 9  # looks between headings, each four times as close
+NEARLY, NEARLY_KINKED = 0.03, 0.08  # quotients this share below the worst are looked at more closely
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,9 @@ class Directions:
 
     def allowed(self, known: bool) -> Ellipses:
         """Ellipses of gradients at the 3 t corners; discs where the flow is not `known`."""
-        flat = np.swapaxes(self.minorant, 1, 2).reshape(-1, 2, len(BESIDE))
+        single = ~self.choice.ridge[:, None, None, None]
+        first = np.where(single, self.minorant[:, :1], self.minorant)  # the second is of no use there
+        flat = np.swapaxes(first, 1, 2).reshape(-1, 2, len(BESIDE))
         return ellipses(flat, np.repeat(self.heading, 3)) if known else discs(flat)
 
     def worst(self, slope: Array, weight: Array) -> float:
@@ -53,15 +55,15 @@ class Directions:
         mixed = _mixed(self.minorant, weight)
         angle = self.heading[:, None] + BESIDE
         ratio = _quotient(slope, mixed, angle[:, None])
-        top = ratio.argmax(axis=2)
-        best = np.take_along_axis(ratio, top[..., None], axis=2)[..., 0]
-        triangle, corner = np.nonzero(best >= (1.0 - NEARLY) * best.max())
+        greatest = float(ratio.max())
+        smooth = self.zone.shape.smooth
+        high = ratio >= (1.0 - (NEARLY if smooth else NEARLY_KINKED)) * greatest
+        high &= (ratio >= np.roll(ratio, 1, axis=2)) & (ratio >= np.roll(ratio, -1, axis=2))
+        triangle, corner, peak = np.nonzero(high)
         wide = np.append(np.diff(BESIDE), BESIDE[0] + 2.0 * np.pi - BESIDE[-1])
-        peak = top[triangle, corner]
         centre, step = angle[triangle, peak], np.maximum(wide[peak - 1], wide[peak])
-        greatest = float(best.max())
         few = self.choice.of(triangle)
-        for _ in range(CLOSER):
+        for _ in range(CLOSER if smooth else CLOSER_KINKED):
             near = centre[:, None] + step[:, None] * np.linspace(-1.0, 1.0, 9)
             bound = self.zone.minorants(
                 self.features, self.corners[triangle], few, self.place[triangle], near

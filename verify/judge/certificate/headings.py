@@ -38,7 +38,8 @@ Mask = NDArray[np.bool_]
 
 CELLS = 16  # of headings, to begin with
 DEEPEST = 18  # halvings of them: to 1.5e-6 rad
-MOST_CELLS = 3000  # a triangle, on average
+MOST_CELLS = 1000  # a triangle, on average
+HOPELESS = 50.0  # what a cell shows falls short by some few times its width squared; by this, it is no matter
 FURTHEST = 0.55  # contact at this share of the greatest stopping distance at least
 SLOWEST, FASTEST = 1e-9, 1e9  # [m/s], of contact speeds
 BLUR = 256.0 * ROUNDING  # of the sum of sizes of all terms: more than all roundings of a cell
@@ -87,7 +88,11 @@ def _slack(corners: Corners, minorants: Minorants, contact: Array, zone: ZoneGau
         shown = _shown(cells, width, slope, blur, minorants, contact, zone, rows)
         good: Mask = np.all(shown >= 0.0, axis=1)
         budget -= len(good)
-        final = good if level < DEEPEST and budget > 0 else np.ones_like(good)
+        # So far below in a narrow cell is no matter of its width: the triangle is lost, and all of its cells.
+        lost = np.zeros(len(rows), dtype=bool)
+        lost[cells.triangle[(shown < -HOPELESS * width * width).any(axis=1)]] = True
+        last = level == DEEPEST or budget <= 0
+        final = good | (lost[cells.triangle]) | last
         np.minimum.at(least, cells.triangle[final], shown[final])
         triangle, begin = cells.triangle[~final], cells.begin[~final]
         if not len(triangle):
