@@ -24,6 +24,8 @@ NOT_HERE = {
     "figures_certificate",
     "figures_vc_method",
     "reproduction",
+    "held_stops",
+    "figures_fields",
 }
 
 
