@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -18,6 +20,9 @@ from verify.judge.zones.fields import given_fields
 from verify.judge.zones.shapes import Box, Disc, Ellipse, Hull, Measured, Shape, Straight
 from verify.judge.zones.zone import FieldSet, ForeignZone
 from vnav_drake.scenario import ScenarioError
+from vnav_drake.zones import plugins
+from vnav_drake.zones.convex_zone import ConvexZone
+from vnav_drake.zones.convex_zone import GaugeZone as PlannersGaugeZone
 
 POLYGON = ((-0.2, -0.3), (0.4, -0.5), (1.0, -0.1), (1.0, 0.2), (0.1, 0.6))
 SHAPES: dict[str, Shape] = {
@@ -345,3 +350,47 @@ def test_zones_that_are_discs_are_uniform_braking():
         other = setting(braking={"zone": zone})
         assert other.zone is not None
         assert not other.zone.within_disc(other.limits)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Oval(PlannersGaugeZone):
+    """An ellipse half as wide as it is long, as a plugin would bring it."""
+
+    type_name: ClassVar[str] = "oval"
+
+    def shape(self, angle):
+        h = np.hypot(np.cos(angle), 0.5 * np.sin(angle))
+        return h, -0.75 * np.sin(angle) * np.cos(angle) / h
+
+
+@dataclass(frozen=True, kw_only=True)
+class Balloon(ConvexZone):
+    """A disc that grows with the speed by a law of its own."""
+
+    type_name: ClassVar[str] = "balloon"
+
+    def support(self, angle, speed):
+        h = self.radius + self.law.margin + speed + speed**2 + 0.0 * angle
+        return h, 0.0 * h, 1.0 + 2.0 * speed + 0.0 * angle
+
+
+def test_a_plugin_s_zone_is_judged_by_its_own_functions(monkeypatch):
+    monkeypatch.setattr(plugins, "_registered", {"oval": Oval, "balloon": Balloon})
+    motion = arcs_motion((5.0, 2.0), 0.0, [(1.0, 0.02)] * 3, [0.5, 1.0, 1.0, 0.8])
+    checks = {}
+    for zone in ("oval", {"type": "ellipse", "lateral_ratio": 0.5}, "balloon"):
+        within = setting(braking={"zone": zone}, robot={"radius": 0.4})
+        found = {c.name: c for c in check_motion(motion, "refined", "full", within)}["braking_distance"]
+        checks[str(zone)] = found
+        assert within.zone is not None
+        assert within.zone.plugin is ("functions of the plugin" in found.message)
+    oval, ellipse, balloon = checks.values()
+    assert oval.worst == pytest.approx(ellipse.worst, abs=2e-8)
+    # at 1 m/s the balloon has 2.4 m, and the wall is 2 m less the way aside away
+    aside = (1.0 - math.cos(0.04)) / 0.02
+    assert balloon.worst == pytest.approx(2.0 - aside - 2.4, abs=2e-3)
+
+
+def test_a_plugin_that_nobody_loaded_is_refused():
+    with pytest.raises((ZoneError, ScenarioError), match="unknown"):
+        setting(braking={"zone": "nowhere"})

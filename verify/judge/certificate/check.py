@@ -71,7 +71,8 @@ def check_certificate(file: CertificateFile, question: Question, *, exact: bool 
         inequality, and integers wherever those cannot decide a question of geometry. With a zone that depends
         on the heading there is floating point with rounding bounds only, and the statement says so.
     """
-    limits, asked = question.setting.limits, question.setting.zone
+    limits = question.setting.limits
+    asked = None if question.setting.isotropic else question.setting.zone
     gauge = None if asked is None else zone_gauge(asked, limits)
     length = asked is not None and gauge is None  # no speed follows from the zone: u measures lengths
     exact = exact and gauge is None  # for all headings floating point with slack is what there is
@@ -80,7 +81,7 @@ def check_certificate(file: CertificateFile, question: Question, *, exact: bool 
     if file.actual_digest() != file.digest.tobytes():
         faults.append("the digest is not that of the numbers: the file was changed after it was written")
     faults += question_faults(file, question)
-    faults += zone_faults(file, asked, length=length)
+    faults += zone_faults(file, question.setting.zone, length=length)
     comparable = len(file.features) == len(question.features.table)
     sheets = Sheets.of(file)
     tiling = check_tiling(file, question.features, sheets)

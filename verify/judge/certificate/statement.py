@@ -54,7 +54,7 @@ def statement_of(
         f"a_b = {limits.braking:g} m/s^2, reaction time {limits.reaction_time:g} s, margin "
         f"{limits.margin:g} m, {fastest}"
     )
-    zone = question.setting.zone
+    zone = None if question.setting.isotropic else question.setting.zone
     if driven is not None and zone is not None:
         ends = question.setting.start.speed, question.setting.goal.speed
         return (

@@ -51,8 +51,9 @@ def zone_faults(file: CertificateFile, asked: AskedZone | None, *, length: bool)
     ----------
     length : nothing but the constant pace may bound u.
     """
-    if asked is None:
-        return [] if file.zone is None else ["made for a braking zone; the scenario has uniform braking"]
+    if asked is None or asked.isotropic:  # fields that stand for a disc: the bound is that of uniform braking
+        faults = [] if file.zone is None else ["made for a braking zone; the scenario has uniform braking"]
+        return faults if asked is None else [*faults, *_fields_faults(asked)]
     if file.zone is None:
         return [f"made for uniform braking; the scenario has the braking zone {asked.type}"]
     kind, parameters = asked.type, dict(asked.parameters)

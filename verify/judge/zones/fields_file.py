@@ -127,7 +127,7 @@ def judge_fields(
         "scanner_range": furthest,
         "least_separation": nearest,
     }
-    text = f"{len(fields.speeds)} fields, switched {changes} times"
+    text = f"fields: {len(fields.speeds)}, switched {changes} times"
     at = Place(t=float(motion.t[fastest]), x=float(motion.x[fastest]), y=float(motion.y[fastest]))
     return Check(
         name=NAME,
