@@ -52,8 +52,8 @@ LEANS = (1.0, 0.5, 0.0)  # of k, as shares of the lean towards the origin
 WIDTHS = (1.0, 0.8, 0.6, 0.4, 1.3)  # of B, as shares of the width with S's own curvature
 SEARCH = 40  # golden sections
 INSIDE = 1.0 - 1e-9
-# Shares of the touching point that are tried where sigma B is less than a share of what an ellipse around zero
-# with S's own curvature has.
+# Shares of the touching point that are tried where sigma B is less than a share of what an ellipse around
+# zero with S's own curvature has.
 SHRUNK = ((0.999, 0.1), (0.99, 0.1), (0.97, 0.02), (0.93, 0.02))
 LEAST = 0.02  # share of the disc in S: where sigma B is less, the disc is better
 
@@ -138,7 +138,7 @@ def _fitted(minorant: Array, x: Array, y: Array) -> tuple[Array, Array, Array, A
 
 
 def _radius(minorant: Array, x: Array) -> tuple[Array, Array]:
-    """Radius of curvature m + m'' of S where it touches: of the first (t,), kept moderate, and both (t, 2)."""
+    """Radius of curvature m + m'' of S where it touches: of the first (t,), moderate, and both (t, 2)."""
     step = _HALF[0]
     bend = (minorant[..., _ZERO - 1] - 2.0 * minorant[..., _ZERO] + minorant[..., _ZERO + 1]) / step**2
     bend = np.maximum(bend + minorant[..., _ZERO], 0.0)

@@ -15,6 +15,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from verify.judge.zones import Shape
@@ -71,12 +72,16 @@ class FacetGauge(Gauge):
     """All p with n_j.p <= h_j: angles of the n_j rising, h_j positive."""
 
     def __init__(self, angle: Array, reach: Array) -> None:
-        """Take normals' angles (k,) [rad] and distances (k,)."""
-        order = np.argsort(angle)
-        angle, reach = angle[order], reach[order]
-        self._angle = angle
+        """Take normals' angles (k,) [rad] and distances (k,), three or more all around."""
+        # n.z / h is greatest for a corner of the hull of the n / h: other facets are not needed, and would
+        # make the sectors below ambiguous where several meet in one corner.
+        over = np.stack([np.cos(angle), np.sin(angle)], axis=1) / reach[:, None]
+        hull = shapely.geometry.polygon.orient(shapely.MultiPoint(over).convex_hull)
+        over = shapely.get_coordinates(hull)[:-1]
+        turn = np.arctan2(over[:, 1], over[:, 0])
+        order = np.argsort(turn)
+        self._angle, self._over = turn[order], over[order]
         self.inscribed = float(reach.min())
-        self._over = np.stack([np.cos(angle), np.sin(angle)], axis=1) / reach[:, None]
         following = np.roll(self._over, -1, axis=0)
         # Where facets j and j + 1 meet both n.p / h are 1.
         cross = self._over[:, 0] * following[:, 1] - self._over[:, 1] * following[:, 0]

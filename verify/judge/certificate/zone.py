@@ -63,15 +63,9 @@ def zone_faults(file: CertificateFile, asked: AskedZone | None, *, length: bool)
     faults = _fields_faults(asked)
     if length and ((file.weight > 0.0) & (file.feature >= 0)).any():
         faults.append(f"no feature limits the speed for every heading with the braking zone {kind}")
-    try:
-        told = json.loads(file.zone.tobytes().decode("utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
-        return [*faults, "the text that names its braking zone is none"]
-    if not isinstance(told, dict):
-        return [*faults, "the text that names its braking zone is none"]
+    told = _told(file.zone.tobytes())
     if told.get("type") != kind:
-        faults.append(f"made for the braking zone {told.get('type')!a}; the scenario has {kind!a}")
-        return faults
+        return [*faults, f"made for the braking zone {told.get('type')!a}; the scenario has {kind!a}"]
     for key, value in parameters.items():
         # What a scenario leaves to be derived is derived again from the scenario, not read from the file.
         if value is not None and told.get(key) != _plain(value):
@@ -79,6 +73,15 @@ def zone_faults(file: CertificateFile, asked: AskedZone | None, *, length: bool)
                 f"made for braking.zone.{key} = {told.get(key)!a}; the scenario has {_plain(value)!a}"
             )
     return faults
+
+
+def _told(text: bytes) -> dict[str, Any]:
+    """What the file says of its zone; nothing where that is no such text."""
+    try:
+        told = json.loads(text.decode("utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
+        return {}
+    return told if isinstance(told, dict) else {}
 
 
 def _plain(value: Any) -> Any:
