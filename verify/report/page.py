@@ -97,7 +97,7 @@ def write_report(
     classes, lost = class_rows(result), lost_run(result, evidence.simulation)
     stuck = [*stuck_runs(result), *([] if lost is None else [lost])]
     rest = problem.start.speed != "safe" or problem.goal.speed != "safe"
-    along = motion_zone(problem, evidence)
+    along = motion_zone(problem, result, evidence)
     text = render(
         "report.html",
         scripts=[*([] if extras.vc_method is None else [VIEWER]), *([] if along is None else [ZONE_VIEWER])],

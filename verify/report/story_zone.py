@@ -209,7 +209,8 @@ def held_stops(result: Result, along: ZoneAlong) -> list[HeldStop]:
         if any(value is None for value in values):
             continue
         t, x, y, heading, bend = (value or 0.0 for value in values)
-        v = float(np.interp(t, along.t, along.v))
+        own = number_in(item, "v")
+        v = float(np.interp(t, along.t, along.v)) if own is None else own
         depth = number_in(item, "depth") or 0.0
         found.append(HeldStop(t=t, x=x, y=y, heading=heading, v=v, curvature=bend, depth=depth))
     return found

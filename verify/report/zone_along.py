@@ -95,10 +95,11 @@ def placed(shape: Array, at: tuple[float, float], heading: float) -> Array:
     return np.asarray(shape @ np.array([[cos, sin], [-sin, cos]]) + np.array(at))
 
 
-def zone_along(problem: Problem, zone: ConvexZone, motion: Trajectory) -> ZoneAlong:
+def zone_along(problem: Problem, zone: ConvexZone, motion: Trajectory, *, share: float = 1.0) -> ZoneAlong:
     """The zone at the middles of rows, `SAMPLES` of them at even steps along the path, and at both ends.
 
-    `zone` is what the motion obeys: `problem.zone`, or the fields fitted to it.
+    `zone` is what the motion obeys: `problem.zone`, or the fields fitted to it. `share`: of grip, tip-over,
+    steering and drive limits, what the motion was planned with.
     """
     lasting = np.flatnonzero(np.diff(motion.t) > 0.0)
     s = motion.arc_length
@@ -125,7 +126,7 @@ def zone_along(problem: Problem, zone: ConvexZone, motion: Trajectory) -> ZoneAl
         curvature=curvature,
         gap=gap,
         fastest=fastest,
-        limit=_limits(problem, zone, np.column_stack([v, a, curvature]), gap, fastest),
+        limit=_limits(problem, zone, np.column_stack([v, a, curvature]), gap, fastest, share),
     )
 
 
@@ -176,24 +177,25 @@ def _fastest(zone: ConvexZone, near: Nearby, v: Array, highest: float) -> Array:
     return low
 
 
-def _limits(problem: Problem, zone: ConvexZone, rows: Array, gap: Array, fastest: Array) -> NDArray[np.int64]:
+def _limits(
+    problem: Problem, zone: ConvexZone, rows: Array, gap: Array, fastest: Array, share: float
+) -> NDArray[np.int64]:
     """Which of `KEYS` holds each row (n, 3) of speed, acceleration and curvature."""
     robot, (v, a, curvature) = problem.robot, rows.T
     turn, most = np.abs(curvature) * v * v, 1.0 - NEAR
-    sliding, tipping = robot.friction_acceleration, robot.tip_acceleration
+    own = most * share
     moving = v > NEAR * max(float(v.max()), 1e-9)
+    reserve = robot.reserved_lateral_acceleration() if problem.friction_reserve else math.inf
     held = {
         "zone": moving & ((gap <= SLACK) | (v >= most * fastest)),
-        "arc": moving & _at_arc(problem, zone, v, curvature),
-        "reserve": turn >= most * robot.reserved_lateral_acceleration()
-        if problem.friction_reserve
-        else np.zeros(len(v), dtype=bool),
-        "friction": np.hypot(a, turn) >= most * sliding,
-        "tip": turn >= most * tipping,
-        "steering": np.abs(curvature) >= most * robot.max_curvature,
         "speed": v >= most * zone.law.max_speed,
-        "drive": a >= most * robot.max_acceleration,
-        "brakes": a <= -most * robot.max_braking,
+        "drive": a >= own * robot.max_acceleration,
+        "brakes": a <= -own * robot.max_braking,
+        "reserve": turn >= own * reserve,
+        "friction": np.hypot(a, turn) >= own * robot.friction_acceleration,
+        "tip": turn >= own * robot.tip_acceleration,
+        "arc": moving & _at_arc(problem, zone, v, curvature),
+        "steering": np.abs(curvature) >= own * robot.max_curvature,
         "none": np.ones(len(v), dtype=bool),
     }
     return np.asarray(np.argmax(np.stack([held[key] for key in KEYS]), axis=0))

@@ -45,10 +45,14 @@ def zone_of(problem: Problem, evidence: Evidence) -> ConvexZone | None:
         return zone
 
 
-def motion_zone(problem: Problem, evidence: Evidence) -> ZoneAlong | None:
+def motion_zone(problem: Problem, result: Result, evidence: Evidence) -> ZoneAlong | None:
     """The zone along the motion drawn; None where the zone is a disc or there is no motion."""
     zone = zone_of(problem, evidence)
-    return None if zone is None or evidence.executed is None else zone_along(problem, zone, evidence.executed)
+    if zone is None or evidence.executed is None:
+        return None
+    kept = number_in(result, "plans", evidence.executed_plan, "limit_share")
+    share = 1.0 if kept is None or not 0.0 < kept < 1.0 else kept
+    return zone_along(problem, zone, evidence.executed, share=share)
 
 
 def zone_sections(
