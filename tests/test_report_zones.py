@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.report_case import warehouse, write_folder
+from tests.report_case import warehouse
 from tests.test_report import Page
 from tests.zone_case import write_zone_folder, zone_scenario
 from verify.replay_motion import zone_steps
@@ -31,6 +31,7 @@ from verify.report.stops_zone import claimed_zones, zone_finding
 from verify.report.story_zone import relaxation_sentence, shape_words
 from verify.report.zone_along import HIGHEST, KEYS, LIMITS, arc_points, held_arc_length, placed, zone_along
 from verify.report.zone_gain import gain, stretches
+from verify.report.zone_sections import motion_zone, zone_sections
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
 from vnav_drake.zones.convex_zone import GaugeZone
@@ -261,14 +262,13 @@ def test_the_section_is_there_with_unique_ids_and_its_script(case):
     assert script("zone_viewer.js") in case[2]
 
 
-def test_the_page_of_a_disc_has_no_such_section(tmp_path):
-    folder, scenario = tmp_path / "warehouse", warehouse()
-    result = write_folder(folder, scenario)
-    file = folder / "report.html"
-    write_report(file, scenario=scenario, result=result, folder=folder, extras=ReportExtras())
-    text = file.read_text(encoding="utf-8")
-    assert "zone-data" not in text
-    assert script("zone_viewer.js") not in text
+def test_a_disc_has_no_such_section(tmp_path):
+    problem = warehouse().problem
+    evidence = read_evidence(tmp_path)
+    assert motion_zone(problem, {}, evidence) is None
+    sections = zone_sections(problem, {}, evidence, None, plan="refined", subject="executed motion")
+    assert sections["zone"] is None
+    assert not any(sections[key].pictures for key in ("zone_map", "zone_gain", "zone_promise"))
 
 
 def test_the_answer_and_the_tiles_tell_what_the_zone_gains(case):

@@ -122,7 +122,8 @@ def _shape(data: ShapeData, described: dict[str, str], width: float) -> Markup:
     axes.add_patch(Circle((0, 0), problem.robot.radius, fc=CASING.light, ec=INK.light))
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
-    for outline, speed in zip(outlines, data.speeds, strict=True):
+    named = list(zip(outlines, data.speeds, strict=True))
+    for outline, speed in named if width == WIDE else named[-1:]:
         words = f"{speed:.2f}" + (" m/s" if width == WIDE else "")
         place = outline[np.argmax(outline @ LABEL_SIDE)]
         text = axes.annotate(words, tuple(place), (-3, 3), textcoords="offset points", ha="right", fontsize=9)
