@@ -25,12 +25,15 @@ from stops_case import (
 
 from verify import evidence
 from verify.judge import compare, judge
+from verify.judge.bound import judge_bound
+from verify.judge.certificate import Proof
 from verify.judge.checks import check_motion
 from verify.judge.ends import end_cost, straight_time
 from verify.judge.gates import Times, gaps
 from verify.judge.tracking import record_from_columns
 from verify.judge.zones import GaugeZone, outside
 from verify.judge.zones.asked import least_ahead
+from verify.judge.zones.fields_file import read_fields
 from verify.judge.zones.held import arc_point, held_way
 from verify.judge.zones.promise import audit
 from verify.judge.zones.shapes import Disc, Ellipse, Straight
@@ -310,12 +313,57 @@ def test_a_field_set_without_its_file_is_not_driven_under_fields(tmp_path):
     assert found.verdict == "failed"
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"schema": 2}', '{"schema": 1, "cases": 3}'])
-def test_a_malformed_file_of_fields_is_refused(tmp_path, text):
-    folder = folder_with_fields(tmp_path / "a", None)
-    (folder / evidence.FIELDS).write_text(text)
+MALFORMED: tuple[dict[str, Any], ...] = (
+    {"schema": 2},
+    {"cases": 3},
+    {"cases": []},
+    {"cases": [{"case": 1, "max_speed": 1.0, "polygon": [1, 2, 3]}], "least_separation": [1.0]},
+    {"cases": [{"case": 1, "max_speed": 1.0, "polygon": [[0, 0], [1]]}], "least_separation": [1.0]},
+    {"cases": [{"case": 1, "max_speed": 1.0, "polygon": []}], "least_separation": [1.0]},
+    {"cases": [{"case": 2, "max_speed": 1.0, "polygon": box(0.5)}], "least_separation": [1.0]},
+    {"cases": [{"case": 1, "max_speed": -1.0, "polygon": box(0.5)}], "least_separation": [1.0]},
+    {"cases": [{"case": 1, "max_speed": 1.0, "polygon": box(1e13)}], "least_separation": [1.0]},
+    {"least_separation": [64.0]},
+    {"switches": [{"s": 0.0}]},
+    {"scanner_range": 10**400},
+)
+
+
+@pytest.mark.parametrize("change", MALFORMED)
+def test_a_malformed_file_of_fields_is_refused(tmp_path, change):
+    text = json.dumps({**fields_json(), **change})
+    (tmp_path / evidence.FIELDS).write_text(text)
     with pytest.raises(evidence.EvidenceError, match=r"fields\.json"):
-        judge(folder)
+        read_fields(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "3", '{"schema": 1, "scanner_range": NaN}'])
+def test_what_is_no_file_of_fields_is_refused(tmp_path, text):
+    (tmp_path / evidence.FIELDS).write_text(text)
+    with pytest.raises(evidence.EvidenceError, match=r"fields\.json"):
+        read_fields(tmp_path)
+
+
+def test_a_bound_by_length_and_drive_is_held_against_motions_with_the_ends_asked_for():
+    # From rest to rest over 30 m with 1 m/s^2 either way: sqrt(4 * 30) s, and no motion is faster.
+    asked = setting(
+        start={"speed": "rest"}, goal={"speed": "rest"}, braking={"zone": {"type": "protective_field"}}
+    )
+    peak = math.sqrt(30.0)
+    motion = arcs_motion((5.0, 2.0), 0.0, [(15.0, 0.0), (15.0, 0.0)], [0.0, peak, 0.0], asked)
+    assert motion.travel_time == pytest.approx(2.0 * peak)
+    free = arcs_motion((5.0, 2.0), 0.0, [(30.0, 0.0)], [5.0, 5.0], asked)
+    motions = {"collocation": free, "refined": motion}
+    checks = [c for n, m in motions.items() for c in check_motion(m, n, evidence.MODEL_OF_PLAN[n], asked)]
+    checks = [replace(c, status="passed", worst=0.0) if c.name == "braking_distance" else c for c in checks]
+    for time, beaten in ((2.0 * peak, False), (2.0 * peak + 0.01, True)):
+        proof = Proof(
+            **{"holds": True, "travel_time": time, "reasons": (), "triangles": 1, "dropped": 0, "worst": 0.0},
+            **{"at": (0.0, 0.0), "exact": False, "driven": True, "slack": np.zeros(1), "statement": ""},
+        )
+        found = judge_bound(proof, motions, 0.0, checks, asked)
+        assert bool(found.beaten) is beaten  # the faster one of the variational model is another question
+        assert found.as_result()["driven"]
 
 
 def test_claims_about_the_zone_are_compared_with_what_the_judge_finds(tmp_path):
