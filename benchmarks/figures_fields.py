@@ -37,23 +37,18 @@ def picture(problem: Problem, plan: Trajectory, run: FieldRun) -> Figure:
     figure = Figure(figsize=(7.6, 2.9), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.9))
     fields = run.field_set
-    for case, (speed, shade) in reversed(list(enumerate(zip(fields.max_speeds, SHADES, strict=False)))):
+    cases = list(enumerate(zip(fields.max_speeds, SHADES, strict=False)))
+    for case, (speed, shade) in reversed(cases):
         corners = fields.polygon(case)
         left.fill(*corners.T, color=shade, lw=0.8, ec="white")
-        left.annotate(
-            f"{speed:.2f} m/s",
-            (corners[:, 0].max(), 0.0),
-            (0, -30 - 11 * case),
-            textcoords="offset points",
-            ha="right",
-            fontsize=8,
-            color=INK,
-        )
+        ahead, lower = corners[:, 0].max(), -0.9 - 0.8 * case
+        left.plot([ahead, ahead], [0.0, lower], color=shade, lw=0.8)
+        left.text(ahead, lower, f"{speed:.2f} m/s", ha="right", va="top", fontsize=8, color=INK)
     left.add_patch(Circle((0.0, 0.0), problem.robot.radius, fill=False, ec=ORANGE, lw=1.6))
-    left.set(aspect="equal", xlabel="x, ahead [m]", ylabel="y [m]", ylim=(-2.6, 1.0), title="Fields")
+    left.set(aspect="equal", xlabel="x, ahead [m]", ylabel="y [m]", title="Fields")
     rows, allowed = steady_limits(problem, plan)
     s = np.concatenate([[0.0], np.cumsum(rows.piece_length)])
-    top = problem.braking.max_speed
+    top = min(problem.braking.max_speed, 1.1 * float(plan.v.max()))
     for motion, colour, style in ((plan, INK, "--"), (run.trajectory, BLUE, "-")):
         even = np.linspace(0.0, motion.length, SAMPLES)
         v = np.interp(even, motion.arc_length, motion.v)
