@@ -28,7 +28,8 @@ MOST_NAMED = 40  # switches with a number at them: more are noise
 def draw_fields(problem: Problem, along: ZoneAlong, fields: Mapping[str, Any]) -> Sequence[Picture]:
     """The switches on the map: the path in the shade of the field that is watched, numbers where it "
     "changes."""
-    rows = [[number_in(item, key) for key in ("case", "x", "y")] for item in entries(fields, "switches")]
+    changes = [item for item in entries(fields, "switches") if number_in(item, "s") != 0.0]  # but the start
+    rows = [[number_in(item, key) for key in ("case", "x", "y")] for item in changes]
     switches = [(int(row[0] or 0), row[1] or 0.0, row[2] or 0.0) for row in rows if None not in row]
     speeds = np.array([number_in(item, "max_speed") or 0.0 for item in entries(fields, "cases")])
     if not len(speeds):
