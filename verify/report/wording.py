@@ -72,6 +72,7 @@ CHECKS: Mapping[str, str] = MappingProxyType(
         "goal": "Ends at the goal",
         "clearance": "Touches no obstacle",
         "braking_distance": "Can stop within its clearance",
+        "uniform_distance": "Keeps to uniform braking",
         "braking_arc": "Held arcs stay in the zone",
         "friction_circle": "Friction circle",
         "tip_over": "Tip-over",
@@ -80,6 +81,7 @@ CHECKS: Mapping[str, str] = MappingProxyType(
         "speed": "Speed limits",
         "travel_time": "Travel time adds up",
         "tracking": "Tracking in simulation",
+        "fields": "Fields hold what they claim",
         "certificate": "Certificate of the lower bound",
         "emergency_stops": "Emergency stops",
     }
