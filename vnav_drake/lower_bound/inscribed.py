@@ -126,7 +126,7 @@ def _fitted(minorant: Array, x: Array, y: Array) -> tuple[Array, Array, Array, A
             reach = np.sqrt(np.square(a) + np.square(width[:, None] * s)) - a
             size = (near / np.maximum(reach, 1e-300)[:, None]).min(axis=2)
             size = INSIDE * np.minimum(size, firm / np.square(width)[:, None])
-            worth = size.min(axis=1) * width
+            worth = size.mean(axis=1) * width
             better = worth > merit
             merit = np.where(better, worth, merit)
             kept = [
