@@ -11,6 +11,7 @@ claimed there, and into an obstacle, at the curvature driven and at half of it: 
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from benchmarks.zones import WAYS, plans, setting, zones_of
 from vnav_drake.plan import Trajectory, arc_step
 from vnav_drake.problem import Problem
-from vnav_drake.zones.catalogue import ellipse_with_reserve
+from vnav_drake.zones.catalogue import ahead_with_reserve
 from vnav_drake.zones.convex_zone import GaugeZone
 from vnav_drake.zones.shapes import DiscZone, EllipseZone
 from vnav_drake.zones.touch import separation
@@ -105,7 +106,7 @@ def main() -> None:
     problem = setting(FRICTION, reserve=True)
     reserve = problem.robot.reserved_lateral_acceleration()
     held: dict[str, GaugeZone] = {
-        name: ellipse_with_reserve(zone, reserve)
+        name: replace(zone, ahead=ahead_with_reserve(zone.lateral_ratio, reserve, zone.law))
         for name, zone in zones_of(problem).items()
         if isinstance(zone, EllipseZone) and name != "ellipse 0.7"
     }

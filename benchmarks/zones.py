@@ -1,7 +1,7 @@
 """Braking zones that depend on the heading, on the warehouse: times, solving, what is proven, fields, bounds.
 
 The setting of every figure: rest to rest, mu g = a_b = 1 m/s^2, no friction reserve, no margin, and steering
-that never binds. Class A runs along the outer corridors, class B through the 1 m gaps at y = 9.5, x = 14.5 and
+that never binds. Class A runs along the outer corridors, class B through the gaps at y = 9.5, x = 14.5 and
 y = 21.5. Seconds are of the processor, so that they can be compared on a busy machine; the first row of each
 class is uniform braking in the same run.
 
