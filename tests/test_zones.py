@@ -229,3 +229,19 @@ class TestHeldArcs:
         step = 1e-6
         around = [arc_excess(zone, x + sign * step)[0] for sign in (1.0, -1.0)]
         assert slope == pytest.approx((around[0] - around[1]) / (2.0 * step), abs=1e-7)
+
+    def test_a_lopsided_zone_turns_as_its_narrow_side_allows(self) -> None:
+        """E reaches 0.02 to the right and 0.6 to the left, where wider turns would stay inside."""
+        lopsided = ((-0.2, -0.02), (1.05, -0.02), (1.05, 0.6), (-0.2, 0.6))
+        mirrored = tuple((x, -y) for x, y in lopsided)
+        turns = [
+            greatest_turn(PolygonZone(law=LAW, radius=0.3, vertices=vertices), 1.0)
+            for vertices in (lopsided, mirrored)
+        ]
+        assert turns[0] == pytest.approx(turns[1], rel=1e-9)
+        assert (1.0 - math.cos(turns[0])) / turns[0] == pytest.approx(0.02, abs=1e-6)
+
+
+def test_a_wall_a_mile_ahead_is_at_a_finite_distance() -> None:
+    zone = EllipseZone(law=LAW, radius=0.4, lateral_ratio=0.5)
+    assert room(zone, [[1600.0, -9.0], [1600.0, 9.0]]) == pytest.approx(1599.6, rel=1e-12)

@@ -46,9 +46,22 @@ def zone_of(
         zone = build_zone(asked.type, asked.parameters, braking, robot.radius, reserve)
         is_set = asked.type == "field_set"
         fields = field_set(asked.parameters, braking, robot.radius, reserve) if is_set else None
+        _require_held_arcs(spec.braking.friction_reserve, zone, fields)
     except ZoneError as error:
         return None, None, [Fault(("braking", "zone", *split_path(error.key)), error.message)]
     return zone, fields, []
+
+
+def _require_held_arcs(reserve: bool, zone: ConvexZone | None, fields: FieldSet | None) -> None:
+    """Held arcs are planned from a zone's shape in units of the stopping distance."""
+    known = zone is None or isinstance(zone, GaugeZone)
+    if reserve and (not known or (fields is not None and fields.polygons is not None)):
+        raise ZoneError(
+            "type",
+            "with braking.friction_reserve stops with the steering held must stay in the zone, which is planned "
+            "for zones that grow with the stopping distance only; expected friction_reserve false, a field set "
+            "with count, or a zone that is a gauge",
+        )
 
 
 def zone_end_faults(name: str, spec: ScenarioSpec, world: World, zone: ConvexZone) -> list[Fault]:

@@ -40,7 +40,7 @@ def arc_excess(zone: GaugeZone, turn: Array) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    turn : (n,) [rad], x = |kappa| D.
+    turn : (n,) [rad], x = kappa D, to the right where it is negative.
 
     Returns
     -------
@@ -71,7 +71,10 @@ class TurnLimit:
     def of(cls, zone: GaugeZone, share: float = 1.0) -> TurnLimit | None:
         """None where every arc stays in the zone, as in a disc; `share` of the turns is allowed."""
         turn = np.linspace(0.0, FULL_TURN, TABLE)
-        excess = np.maximum.accumulate(arc_excess(zone, turn)[0])
+        either = np.maximum(
+            arc_excess(zone, turn)[0], arc_excess(zone, -turn)[0]
+        )  # to the left, to the right
+        excess = np.maximum.accumulate(either)
         if excess[-1] <= ROUNDING:
             return None
         return cls(side_room(zone), turn, excess, share)
@@ -142,7 +145,7 @@ def least_ahead(lateral_ratio: float, turn: float) -> float:
 
 def _arc_end(turn: Array) -> tuple[Array, Array]:
     """P(x) (n, 2) and its derivative, by their series below 1e-3."""
-    small = turn < 1e-3
+    small = np.abs(turn) < 1e-3
     x = np.where(small, 1.0, turn)
     sin, cos = np.sin(x), np.cos(x)
     point = np.stack(

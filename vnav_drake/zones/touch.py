@@ -25,7 +25,7 @@ GRID = 24  # directions of the first look, besides those of edges, kinks and the
 STEPS = 40  # of the search for the slope's zero, at most; ten or so are usual
 ANGLE = 1e-10  # [rad], of the search
 SAME = 1e-8  # [rad], between looks; at half of this from the best one its value is good to 1e-16
-LONGEST = 1e9  # [m]: a longer stopping distance is none at all
+LONGEST = 1e9  # a direction in which E reaches less than one in this many does not limit its length
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,8 @@ def stopping_room(zone: GaugeZone, corners: Array) -> tuple[Array, Array]:
         return np.where(free > 0.0, free_slope * shape - free * shape_slope, free_slope)
 
     angle, value = _greatest(zone, corners, room, slope)
-    return np.where(value >= 1e-6 * LONGEST, math.inf, np.maximum(value, 0.0)), angle
+    endless = (value > 0.0) & (zone.shape(angle)[0] <= 1.0 / LONGEST)
+    return np.where(endless, math.inf, np.maximum(value, 0.0)), angle
 
 
 def outside_shape(zone: GaugeZone, points: Array) -> tuple[Array, Array]:
