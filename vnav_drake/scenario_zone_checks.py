@@ -58,9 +58,9 @@ def _require_held_arcs(reserve: bool, zone: ConvexZone | None, fields: FieldSet 
     if reserve and (not known or (fields is not None and fields.polygons is not None)):
         raise ZoneError(
             "type",
-            "with braking.friction_reserve stops with the steering held must stay in the zone, which is planned "
-            "for zones that grow with the stopping distance only; expected friction_reserve false, a field set "
-            "with count, or a zone that is a gauge",
+            "with braking.friction_reserve stops with the steering held must stay in the zone, which is "
+            "planned for zones that grow with the stopping distance only; expected friction_reserve false, a "
+            "field set with count, or a zone that is a gauge",
         )
 
 
