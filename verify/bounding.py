@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from verify.zoning import has_variational_optimum
 from vnav_drake.lower_bound import LowerBound, lower_bound
 from vnav_drake.plan import Plan
 from vnav_drake.problem import NoPathError, PlanningError
@@ -39,7 +38,7 @@ def run_lower_bound(
     """
     # Ways asked for by name need not hold the fastest: no gap to close, unless the gate is named too.
     aimless = bool(scenario.plan.through) and GATE not in {*scenario.named_gates, *overrides}
-    optima = OPTIMA if has_variational_optimum(scenario.problem) else ("refined",)
+    optima = OPTIMA if scenario.problem.has_variational_optimum else ("refined",)
     upper = min((plans[name].travel_time for name in optima if name in plans), default=None)
     try:
         return lower_bound(

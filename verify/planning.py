@@ -13,7 +13,6 @@ from verify.stages import Stages
 from verify.vc import run_vc_method
 from verify.zoning import (
     contained,
-    has_variational_optimum,
     plan_uniform,
     stand_in,
     with_zone,
@@ -126,7 +125,7 @@ def _optimise(stages: Stages, seeds: Sequence[Seed], gates: Gates) -> None:
     elif compared and not scenario.plan.through:
         seeds = [*seeds, cold_start(problem)]
     best: Plan | None = None
-    if has_variational_optimum(problem):
+    if problem.has_variational_optimum:
         told = stages.told("collocation")
         best = done.keep(
             stages.run(

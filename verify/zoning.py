@@ -46,11 +46,6 @@ def contained(problem: Problem) -> Problem:
     return replace(problem, braking=law, zone=None)
 
 
-def has_variational_optimum(problem: Problem) -> bool:
-    """Whether the variational model means something: no speed is unbounded in it."""
-    return problem.zone is None or problem.zone.inner_law() is not None
-
-
 def with_zone(problem: Problem, plan: Plan, kind: str) -> Plan:
     """A plan of the stand-in, driven with the zone itself.
 

@@ -91,6 +91,11 @@ class Problem:
         return self.braking.speed(self.clearance(points))
 
     @property
+    def has_variational_optimum(self) -> bool:
+        """Whether the zone alone bounds the speed everywhere: a disc in it does, the field of a scanner not."""
+        return self.zone is None or self.zone.inner_law() is not None
+
+    @property
     def lateral_limit(self) -> float:
         """Greatest v^2 |kappa| [m/s^2] allowed: sliding, tip-over, and the friction reserve if asked for."""
         limit = min(self.robot.friction_acceleration, self.robot.tip_acceleration)
