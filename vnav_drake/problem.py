@@ -92,7 +92,7 @@ class Problem:
 
     @property
     def has_variational_optimum(self) -> bool:
-        """Whether the zone alone bounds the speed everywhere: a disc in it does, the field of a scanner not."""
+        """Whether the zone alone bounds speeds everywhere: with a disc in it, not as a scanner's field."""
         return self.zone is None or self.zone.inner_law() is not None
 
     @property
