@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 FIRST_REACH = 2.0  # [m]: a seed may be metres from the optimum
 REACH = 0.5  # [m], once a solution guides
 RATE_BACKOFF = 0.99  # the profile is faster than the program in places, and then the steering too
+FEW = 0.05  # share of new intervals with which a zone that depends on the heading is not solved again
 BULK = 0.95  # share of the whole disagreement that the intervals to split must carry (Doerfler marking)
 
 
@@ -152,7 +153,10 @@ def refine(
         spare = budget.most_intervals - mesh.intervals
         if abs(gain) < budget.gain or (spare <= 0 and rate <= limit):
             break
-        guess, reach = mesh.split(split_counts(mesh, trajectory, spare)), REACH
+        counts = split_counts(mesh, trajectory, spare)
+        if problem.zone is not None and rate <= limit and counts.sum() < (1.0 + FEW) * len(counts):
+            break  # what is lost, is lost in a few kinks, where no mesh is fine enough
+        guess, reach = mesh.split(counts), REACH
     if best is None:
         raise PlanningError(f"collocation found no safe geometry ({model} model): {reason}")
     return Refined(*best, tuple(rounds), fault)
