@@ -51,7 +51,7 @@ BUDGETS = {
 # Each step of a zone that depends on the heading costs more, and the last digits are lost in its kinks.
 ZONE_BUDGETS = {
     "quick": Budget(intervals=60, most_intervals=120, rounds=3, gain=5e-4),
-    "full": Budget(intervals=80, most_intervals=240, rounds=5, gain=1.5e-4),
+    "full": Budget(intervals=80, most_intervals=400, rounds=6, gain=1.5e-4),
 }
 
 
