@@ -331,6 +331,16 @@ def test_the_stage_tells_the_cost_of_its_fields():
     assert stage.problem.braking.max_speed == stage.field_set.max_speeds[-1]
 
 
+def test_a_dwell_of_the_scenario_keeps_each_field_that_long(tmp_path):
+    stage = staged("{type: field_set, count: 6, dwell: 0.8, base: {type: protective_field}}")
+    write_fields(tmp_path, stage)
+    told = json.loads((tmp_path / "fields.json").read_text())
+    assert (told["chosen_by"], told["dwell"]) == ("place", 0.8)
+    stays = np.diff([switch["t"] for switch in told["switches"]][1:])
+    assert len(stays) > 0
+    assert np.all(stays >= 0.8 - 1e-9)
+
+
 def test_fields_of_a_scenario_are_those_that_are_driven():
     square = "[[-0.5, -0.5], [{0}, -0.5], [{0}, 0.5], [-0.5, 0.5]]"
     # D(1) = 0.5 and D(2) = 2 m, and 0.5 m of disc and margin ahead

@@ -96,11 +96,15 @@ def test_raw_values_stay_readable_with_defaults_filled_in():
     assert raw("ellipse") == ("ellipse", {"lateral_ratio": 0.5, "ahead": None, "behind": None})
     assert raw("protective_field") == ("protective_field", {"form": "capsule", "side": 0.0})
     ellipse = {"type": "ellipse", "lateral_ratio": 0.5, "ahead": None, "behind": None}
-    assert raw("{type: field_set, base: ellipse}") == ("field_set", {"base": ellipse, "count": 4})
+    assert raw("{type: field_set, base: ellipse}") == (
+        "field_set",
+        {"base": ellipse, "count": 4, "dwell": 0.0},
+    )
     kind, parameters = raw(f"{{type: field_set, fields: [{{max_speed: 1, polygon: {SMALL}}}]}}")
     square = [[-1.0, -1.0], [2.0, -1.0], [2.0, 1.0], [-1.0, 1.0]]
     assert kind == "field_set"
-    assert parameters == {"base": {"type": "uniform"}, "fields": [{"max_speed": 1.0, "polygon": square}]}
+    fields = [{"max_speed": 1.0, "polygon": square}]
+    assert parameters == {"base": {"type": "uniform"}, "fields": fields, "dwell": 0.0}
     assert json.loads(json.dumps(parameters)) == parameters
 
 
@@ -208,14 +212,19 @@ BAD = [
     Bad("[ellipse]", " = ['ellipse']", "must be the name of a zone, or a mapping"),
     Bad("null", " = None", "must be the name of a zone"),
     Bad("{lateral_ratio: 0.5}", " = {'lateral_ratio': 0.5}", "must have the key type"),
-    Bad("{type: 3}", " = {'type': 3}", "must have the key type"),
+    Bad("{type: 3}", " = {'type': 3}", "has a type that is not text; expected the name of a zone"),
     Bad("{type: ellipse, ratio: 1}", ".ratio = 1", "known: lateral_ratio, ahead, behind"),
     Bad("{type: uniform, radius: 1}", ".radius = 1", "it takes none"),
     Bad("{type: ellipse, lateral_ratio: wide}", ".lateral_ratio = 'wide'", "must be a number"),
     Bad("{type: ellipse, lateral_ratio: .nan}", ".lateral_ratio = nan", "must be finite"),
     Bad("{type: ellipse, behind: true}", ".behind = True", "must be a number"),
     Bad("{type: protective_field, form: round}", ".form = 'round'", "one of capsule, rectangle"),
-    Bad("polygon", ".vertices", "is missing"),
+    Bad("polygon", " = 'polygon'", "lacks its vertices; expected {type: polygon, vertices: "),
+    Bad("{type: polygon}", ".vertices", "is missing; expected a list"),
+    Bad("{type: field_set, base: polygon}", ".base = 'polygon'", "lacks its vertices"),
+    Bad("{type: field_set, dwell: -0.1}", ".dwell = -0.1", "must be at least 0 [s]"),
+    Bad("{type: field_set, dwell: 61}", ".dwell = 61", "must be at most 60 [s]"),
+    Bad("{type: ellipse, dwell: 1}", ".dwell = 1", "known: lateral_ratio, ahead, behind"),
     Bad("{type: polygon, vertices: [[0, 0], [1, 0]]}", ".vertices = ", "at least 3 entries"),
     Bad("{type: polygon, vertices: [[0, 0], [1], [1, 1]]}", ".vertices[1] = [1]", "a pair [x, y]"),
     Bad("{type: field_set, count: 1}", ".count = 1", "at least 2"),

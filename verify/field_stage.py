@@ -98,7 +98,7 @@ def run_fields(
         field_set = given_fields(parameters, problem.braking, robot.radius, reserve)
     if field_set is None:
         field_set = fit_fields(problem, plan.trajectory, parameters["count"])
-    run = drive_fields(problem, plan.trajectory, field_set, dwell=parameters.get("dwell") or 0.0)
+    run = drive_fields(problem, plan.trajectory, field_set, dwell=parameters["dwell"])
     about = {
         "count": len(field_set.max_speeds),
         "fitted": field_set.polygons is None,

@@ -28,7 +28,10 @@ MOST_SHARE = 100.0  # of the stopping distance: zones much longer than the way t
 MOST_CORNERS = 64  # of a polygon
 MOST_FIELDS = 64
 BUILT_IN = ("uniform", "ellipse", "protective_field", "polygon", "field_set")
-NEEDING_PARAMETERS = ("polygon",)
+MOST_DWELL = 60.0  # [s]
+NEEDING_PARAMETERS = {  # types whose name alone is not enough, and what is missing then
+    "polygon": "lacks its vertices; expected {type: polygon, vertices: [[x, y], ...]}"
+}
 TAG = "zone:"  # marks the type in the places of validation errors
 
 _Share = Annotated[float, Field(ge=-MOST_SHARE, le=MOST_SHARE)]
@@ -136,13 +139,17 @@ class OtherSpec(ZoneSpec):
 def _mapping(value: Any) -> Any:
     """`{type: ellipse}` and `ellipse` are the same."""
     if isinstance(value, str):
+        if value in NEEDING_PARAMETERS:
+            raise PydanticCustomError("zone", NEEDING_PARAMETERS[value])
         return {"type": value}
     if isinstance(value, ZoneSpec):
         return value
     if not isinstance(value, dict):
         raise PydanticCustomError("zone", "must be the name of a zone, or a mapping with type and parameters")
-    if not isinstance(value.get("type"), str):
+    if "type" not in value:
         raise PydanticCustomError("zone", "must have the key type, the name of a zone")
+    if not isinstance(value["type"], str):
+        raise PydanticCustomError("zone", "has a type that is not text; expected the name of a zone")
     return value
 
 
@@ -214,6 +221,13 @@ class FieldSetSpec(ZoneSpec):
     fields: Annotated[tuple[FieldSpec, ...], Strict(False)] | None = Field(
         default=None, min_length=1, max_length=MOST_FIELDS, description="The fields themselves."
     )
+    dwell: float = number(
+        "How long a field is watched at least, but for the first and the last; 0: as the speed alone asks.",
+        "s",
+        0.0,
+        ge=0.0,
+        le=MOST_DWELL,
+    )
 
     @model_validator(mode="after")
     def _either_fitted_or_given(self) -> FieldSetSpec:
@@ -223,8 +237,9 @@ class FieldSetSpec(ZoneSpec):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """`base` as a mapping with its type, and either `count` or `fields`."""
-        found: dict[str, Any] = {"base": {"type": self.base.type, **self.base.parameters}}
+        """`base` as a mapping with its type, `dwell`, and either `count` or `fields`."""
+        base = {"type": self.base.type, **self.base.parameters}
+        found: dict[str, Any] = {"base": base, "dwell": self.dwell}
         if self.fields is None:
             return {**found, "count": 4 if self.count is None else self.count}
         return {**found, "fields": [field.model_dump(mode="json") for field in self.fields]}

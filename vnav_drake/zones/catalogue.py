@@ -60,7 +60,7 @@ def build_zone(
         way of a straight stop, one that forbids turning, a plugin's zone that breaks the rules of zones.
     """
     if type_name == FieldSet.type_name:
-        _known("field_set", parameters, ("base", "count", "fields"))
+        _known("field_set", parameters, ("base", "count", "fields", "dwell"))
         base_type, base_parameters = _base(parameters)
         try:
             return build_zone(base_type, base_parameters, law, radius, reserve)

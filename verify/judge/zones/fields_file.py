@@ -102,6 +102,7 @@ def judge_fields(
 
     The fields must be those that were asked for, each polygon must hold the zone at its greatest speed and
     not much more, no speed may be above the last, and the switches must be where the speed calls for them.
+    With a dwell larger fields may be watched, which must be free too, and each for as long as asked for.
     """
     fields = fields_of(asked, file)
     if file is None or fields is None:
@@ -111,11 +112,18 @@ def judge_fields(
     if motion.v[fastest] > fields.speeds[-1] * (1.0 + VIOLATION_TOLERANCE):
         wrong.append(f"{motion.v[fastest]:.6f} m/s is faster than the last field allows")
     case = fields.case(np.append(np.maximum(motion.v[:-1], motion.v[1:]), motion.v[-1]))
-    wrong += _wrong_switches(file, motion, case)
+    dwell = float(asked.parameters["dwell"])
+    if dwell > 0.0:
+        case, faults = _watched(file, motion, case, dwell)
+        wrong += faults
+    else:
+        wrong += _wrong_switches(file, motion, case)
     nearest = _least_by_case(motion, case, features, fields)
     for index, (told, found) in enumerate(zip(file.least_separation, nearest, strict=True)):
         if (told is None) != (found is None) or (told is not None and told > (found or 0.0) + SEPARATION):
             wrong.append(f"least_separation[{index}] = {told}, found {found}")
+        if dwell > 0.0 and found is not None and found < -VIOLATION_TOLERANCE:
+            wrong.append(f"field {index + 1} is watched where it is not free, by {-found:.6f} m")
     furthest = max(float(np.hypot(*polygon.T).max()) for polygon in file.polygons)
     if abs(file.scanner_range - furthest) > SAME * furthest:
         wrong.append(f"scanner_range = {file.scanner_range:.6f} m, the fields reach {furthest:.6f} m")
@@ -181,6 +189,35 @@ def _wrong_switches(file: FieldsFile, motion: Motion, case: NDArray[np.int64]) -
     wanted = np.column_stack([s[row], motion.t[row], motion.x[row], motion.y[row], case[row] + 1.0])
     off = np.abs(file.switches - wanted).max(axis=1) > VIOLATION_TOLERANCE
     return [f"switches[{index}] is not where the speed calls for it" for index in np.flatnonzero(off)[:1]]
+
+
+def _watched(
+    file: FieldsFile, motion: Motion, needed: NDArray[np.int64], dwell: float
+) -> tuple[NDArray[np.int64], list[str]]:
+    """Which field is watched from each row on by the switches of the file, and what is wrong with them.
+
+    None may be less than the speed calls for, and all but the first and the last stay for `dwell` [s].
+    """
+    told = file.switches
+    s = np.concatenate([[0.0], np.cumsum(motion.step)])
+    rows = np.column_stack([s, motion.t, motion.x, motion.y])
+    at = np.array([int(np.abs(motion.t - t).argmin()) for t in told[:, 1]], dtype=np.int64)
+    if len(at) == 0 or at[0] != 0 or (np.diff(at) <= 0).any():
+        return needed, ["switches: expected the first where the motion begins, and others in their order"]
+    off = np.abs(told[:, :4] - rows[at]).max(axis=1) > VIOLATION_TOLERANCE
+    if off.any():
+        return needed, [f"switches[{int(np.flatnonzero(off)[0])}] is at no row of the motion"]
+    if not np.isin(told[:, 4], np.arange(1, len(file.speeds) + 1)).all() or (np.diff(told[:, 4]) == 0).any():
+        return needed, ["switches: a case that is none, or the same twice"]
+    case = np.repeat(told[:, 4].astype(np.int64) - 1, np.diff(at, append=len(rows)))
+    wrong = []
+    less = np.flatnonzero(case < needed)
+    if less.size:
+        wrong.append(f"a lesser field than the speed calls for is watched at t = {motion.t[less[0]]:.6f} s")
+    stay = np.diff(told[1:, 1])
+    if (stay < dwell - VIOLATION_TOLERANCE).any():
+        wrong.append(f"a field is watched for {stay.min():.6f} s, less than the dwell of {dwell:g} s")
+    return case, wrong
 
 
 def _least_by_case(
