@@ -14,7 +14,7 @@ from judged import scenario
 from verify.judge.certificate import check_certificate
 from verify.judge.certificate.drive import drive_time
 from verify.judge.certificate.gauge import EllipseGauge, FacetGauge, gauge_of
-from verify.judge.certificate.headings import slack
+from verify.judge.certificate.headings import ZoneGauge, slack
 from verify.judge.certificate.minorant import Corners, Minorants
 from verify.judge.certificate.zone import zone_gauge
 from verify.judge.zones import shapes as sets
@@ -150,6 +150,66 @@ def test_inequality_is_decided_for_all_headings(heading, beta):
     place = np.full((1, 3), 1.0 / 3.0)
     assert slack(*one_triangle(most * (1.0 - 2e-6), heading), place, zone).min() >= 0.0
     assert slack(*one_triangle(most * (1.0 + 2e-6), heading), place, zone).min() < 0.0
+
+
+@pytest.mark.parametrize("heading", [-2.0, -0.4, 0.3, 1.3])
+def test_headings_at_which_the_zone_has_a_kink_are_proven_too(heading):
+    # V^2 = 2 y / h with h of the direction to the wall, at headings with an edge of the zone towards it and
+    # 1e5 others. Where a corner is what touches, the gauge has a kink at the point that it touches: there a
+    # cell shows less in proportion to its width, and that must not be taken for a loss.
+    zone = {"type": "polygon", "vertices": [[-0.2, -0.4], [1.05, -0.3], [1.05, 0.3], [-0.2, 0.4]]}
+    _, minorants = one_triangle(1.0, heading)
+    asked_for = question(**asked(zone)).setting.zone
+    gauge = replace(zone_gauge(asked_for, minorants.limits), reach=0.0)
+    normal = math.atan2(1.25, 0.1)  # of the edge from (1.05, 0.3) to (-0.2, 0.4)
+    edges = -0.5 * math.pi - np.array([0.0, normal, math.pi, -normal])
+    fine = np.concatenate([np.linspace(-math.pi, math.pi, 100_001), edges])
+    towards = -0.5 * math.pi - fine
+    ring = np.asarray(zone["vertices"])
+    h = (ring @ np.stack([np.cos(towards), np.sin(towards)])).max(axis=0)
+    most = 1.0 / (np.cos(fine - heading) * np.sqrt(2.0 / h)).max()
+    place = np.full((1, 3), 1.0 / 3.0)
+    assert slack(*one_triangle(most * (1.0 - 2e-4), heading), place, gauge).min() >= 0.0
+    assert slack(*one_triangle(most * (1.0 + 2e-5), heading), place, gauge).min() < 0.0
+
+
+@pytest.mark.parametrize("place", [[0.0, 0.0, 1.0], [1.0 / 3.0] * 3, [0.5, 0.5, 0.0]])
+def test_tangent_touches_at_the_greatest_speed_where_the_place_is_beyond(place):
+    # A disc zone above a wall: D = y. With t_r = 1/2 and a_b = 1 the greatest speed 3/2 stops within 3/4 +
+    # 9/8 = 15/8 m, between the corners' 1 m and 2 m. Its tangent of 1/V is 1/w + s (15/8 - y) with s = 1 /
+    # (9/4 * 2) = 2/9, that is 13/12 - 2 y / 9: the highest tangent at y = 2 of those that are one for
+    # y = 15/8, too. u(y) = 13 y / 12 - y^2 / 9 has that slope.
+    speed, bend = 13.0 / 12.0, -2.0 / 9.0
+    points = np.array([[0.0, 1.0], [1.0, 1.0], [0.0, 2.0]])
+    y, following = points[:, 1], np.roll(points[:, 1], -1)
+
+    def shown(share):
+        own = share * (speed * y + 0.5 * bend * y * y)
+        side = share * (0.5 * speed * (y + following) + 0.5 * bend * y * following)
+        corners = Corners(
+            own=own[None],
+            towards=np.stack([side, np.roll(side, 1)], axis=1)[None],
+            sides=np.array([[[[1, 0], [0, 1]], [[-1, 1], [-1, 0]], [[0, -1], [1, -1]]]]),
+            twice_area=np.array([1]),
+            unit=1.0,
+        )
+        robot = {"radius": 0.0, "wheelbase": 0.1, "track": 0.1, "max_braking": 1.0, "max_speed": 1.5}
+        braking = {"zone": ELLIPSE, "reaction_time": 0.5}
+        minorants = Minorants(
+            points=points,
+            triangles=np.array([[0, 1, 2]]),
+            features=np.array([[-1e3, 0.0, 1e3, 0.0, 0.0]]),
+            feature=np.array([[0]]),
+            speed=np.array([[1e-6]]),
+            weight=np.ones((1, 1)),
+            limits=question(robot=robot, braking=braking).setting.limits,
+        )
+        zone = ZoneGauge(EllipseGauge(0.0, 1.0, 1.0, 1.0), 0.0)
+        return slack(corners, minorants, np.array([place]), zone).min()
+
+    if place[2] > 0.9:
+        assert shown(1.0 - 1e-5) >= 0.0
+    assert shown(1.0 + 1e-5) < 0.0
 
 
 def test_gauges_are_never_below_the_largest_quotient_over_all_directions():

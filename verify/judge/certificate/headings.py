@@ -39,7 +39,7 @@ Mask = NDArray[np.bool_]
 CELLS = 16  # of headings, to begin with
 DEEPEST = 18  # halvings of them: to 1.5e-6 rad
 MOST_CELLS = 1000  # a triangle, on average
-HOPELESS = 50.0  # what a cell shows falls short by some few times its width squared; by this, it is no matter
+HOPELESS = 50.0  # at a cell's own heading it falls short by this times the width squared: it is no matter
 FURTHEST = 0.55  # contact at this share of the greatest stopping distance at least
 SLOWEST, FASTEST = 1e-9, 1e9  # [m/s], of contact speeds
 BLUR = 256.0 * ROUNDING  # of the sum of sizes of all terms: more than all roundings of a cell
@@ -85,12 +85,12 @@ def _slack(corners: Corners, minorants: Minorants, contact: Array, zone: ZoneGau
     cells = _Cells(triangle, -math.pi + width * cell)
     budget = MOST_CELLS * len(rows)
     for level in range(DEEPEST + 1):
-        shown = _shown(cells, width, slope, blur, minorants, contact, zone, rows)
+        shown, middle = _shown(cells, width, slope, blur, minorants, contact, zone, rows)
         good: Mask = np.all(shown >= 0.0, axis=1)
         budget -= len(good)
-        # So far below in a narrow cell is no matter of its width: the triangle is lost, and all of its cells.
+        # At one heading nothing is lost by the width, at kinks either: cells around it would show no more.
         lost = np.zeros(len(rows), dtype=bool)
-        lost[cells.triangle[(shown < -HOPELESS * width * width).any(axis=1)]] = True
+        lost[cells.triangle[(middle < -HOPELESS * width * width).any(axis=1)]] = True
         last = level == DEEPEST or budget <= 0
         final = good | (lost[cells.triangle]) | last
         np.minimum.at(least, cells.triangle[final], shown[final])
@@ -125,59 +125,69 @@ def _shown(
     contact: Array,
     zone: ZoneGauge,
     rows: Indices,
-) -> Array:
-    """What the best choice of terms shows of each cell: (C - H) / C at the three corners; (n, 3)."""
+) -> tuple[Array, Array]:
+    """What the best choice of terms shows of each cell: (C - H) / C at the three corners; (n, 3).
+
+    And what the best choice comes to at the cell's middle, the heading that it is made for; (n, 3).
+    """
     law = minorants.limits
     steady = 1.0 / law.speed
-    ends = np.stack([cells.begin, cells.begin + width])  # (2, n)
+    ends = np.stack([cells.begin, cells.begin + width, cells.begin + 0.5 * width])  # (3, n), and the middle
     g, off = slope[cells.triangle], blur[cells.triangle]
-    along = np.cos(ends)[..., None] * g[..., 0] + np.sin(ends)[..., None] * g[..., 1]  # (2, n, 3)
+    along = np.cos(ends)[..., None] * g[..., 0] + np.sin(ends)[..., None] * g[..., 1]  # (3, n, 3)
     size = np.abs(g).sum(axis=2)
-    found = _compared(along, np.full(size.shape, steady), size + steady, off, width)
+    found, middle = _compared(along, np.full(size.shape, steady), size + steady, off, width)
     left = np.flatnonzero((found < 0.0).any(axis=1))
     if not len(left):
-        return found
+        return found, middle
     which = rows[cells.triangle[left]]
-    middle = cells.begin[left] + 0.5 * width
     slots = minorants.weight.shape[1]
-    uses, level = np.zeros((2, len(left), 3, slots)), np.zeros((len(left), 3, slots))
+    uses, level = np.zeros((3, len(left), 3, slots)), np.full((len(left), 3, slots), steady)
+    best_uses, best_level = uses.copy(), level.copy()  # of tangents that beat the constant where they touch
     for slot in range(slots):
         used = np.flatnonzero((minorants.weight[which, slot] > 0.0) & (minorants.feature[which, slot] >= 0))
-        level[:, :, slot] = steady
         if not len(used):
             continue
-        terms, constant, better = _term(
-            minorants, contact, zone, which[used], slot, middle[used], ends[:, left[used]], steady
+        terms, constant, finite, better = _term(
+            minorants, contact, zone, which[used], slot, ends[:, left[used]], steady
         )
-        part = used[better]
-        uses[..., slot][:, part] = terms[:, better]
-        level[..., slot][part] = constant[better, None]
+        for into, onto, which_ones in ((uses, level, finite), (best_uses, best_level, finite & better)):
+            part = used[which_ones]
+            into[..., slot][:, part] = terms[:, which_ones]
+            onto[..., slot][part] = constant[which_ones, None]
     weight = minorants.weight[which]
     weight = weight / np.maximum(weight.sum(axis=1, keepdims=True) * (1.0 + 8.0 * ROUNDING), 1.0)
-    alone = np.eye(slots)
-    for share in (weight[:, None], *(alone[k][None, None] for k in range(slots))):
-        if slots == 1 and share.shape[0] == 1:
-            continue
-        sum_of = (share * uses).sum(axis=3) + along[:, left]
-        above = (share * level).sum(axis=2)
-        sizes = size[left] + np.abs(above) + (share * uses).sum(axis=3).max(axis=0)
-        shown = _compared(sum_of, above, sizes, off[left], width)
-        better = shown.min(axis=1) > found[left].min(axis=1)
-        found[left[better]] = shown[better]
-    return found
+    together = (weight[:, None] * best_uses).sum(axis=3), (weight[:, None] * best_level).sum(axis=2)
+    alone = ((uses[..., slot], level[..., slot]) for slot in range(slots))
+    for terms, above in (together, *alone):
+        sizes = size[left] + np.abs(above) + terms.max(axis=0)
+        compared = _compared(terms + along[:, left], above, sizes, off[left], width)
+        for best, shown in zip((found, middle), compared, strict=True):
+            better = shown.min(axis=1) > best[left].min(axis=1)
+            best[left[better]] = shown[better]
+    return found, middle
 
 
-def _compared(ends: Array, above: Array, sizes: Array, off: Array, width: float) -> Array:
-    """(C - H) / C with H the greatest of the sinusoid through its values at both ends (2, n, 3)."""
-    first, last = ends
+def _compared(values: Array, above: Array, sizes: Array, off: Array, width: float) -> tuple[Array, Array]:
+    """(C - H) / C with H the greatest of the sinusoid through its values at both ends, and at the middle.
+
+    Parameters
+    ----------
+    values : (3, n, 3), of H at both ends and the middle of cells.
+    """
+    first, last, middle = values
     cos, sin = math.cos(width), math.sin(width)
     inside = (first * cos < last) & (last * cos < first) & (np.maximum(first, last) > 0.0)
     # first^2 + last^2 - 2 first last cos(width), of two positive numbers, without cancellation
     square = np.square(first - last) + 4.0 * first * last * math.sin(0.5 * width) ** 2
     top = np.where(inside, np.sqrt(np.maximum(square, 0.0)) / sin, np.maximum(first, last))
-    room = above - top - off - BLUR * sizes
+    whole, there = (above - most - off - BLUR * sizes for most in (top, middle))
+    return _relative(whole, above), _relative(there, above)
+
+
+def _relative(room: Array, above: Array) -> Array:
+    """Room as a share of what it is in; where u does not rise against a bound of zero nothing is tight."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        # Where u does not rise against a bound of zero nothing is tight: as far below as can be.
         return np.where(above > 0.0, room / above, np.where(room >= 0.0, 1.0, -np.inf))
 
 
@@ -187,12 +197,24 @@ def _term(
     zone: ZoneGauge,
     which: Indices,
     slot: int,
-    middle: Array,
     ends: Array,
     steady: float,
-) -> tuple[Array, Array, Mask]:
-    """One feature's part of H at both ends (2, n, 3), its part of C (n,), and where it beats the constant."""
+) -> tuple[Array, Array, Mask, Mask]:
+    """One feature's part of H at both ends and the middle, its part of C, and which are numbers and good.
+
+    Good are those that beat the constant at the place of contact: a tangent may still be better at corners
+    nearer by where it does not.
+
+    Parameters
+    ----------
+    ends : (3, n) [rad], begin, end and middle of cells.
+
+    Returns
+    -------
+    (3, n, 3), (n,), (n,), (n,)
+    """
     law = minorants.limits
+    middle = ends[2]
     feature = minorants.features[minorants.feature[which, slot]]
     corner = minorants.points[minorants.triangles[which]]
     z = _contacts(zone, corner, feature[:, None, :], middle[:, None])  # (n, 3, 2)
@@ -205,13 +227,15 @@ def _term(
     lag = law.braking * law.reaction_time
     fast = np.sqrt(lag * lag + 2.0 * law.braking * touch)
     fast = fast if lag == 0.0 else 2.0 * law.braking * touch / (lag + fast)
-    w = np.clip(np.maximum(fast, minorants.speed[which, slot]), SLOWEST, FASTEST)
+    # Wherever a tangent that touches beyond v_max is above 1/v_max, the one that touches there is higher.
+    w = np.clip(np.maximum(fast, minorants.speed[which, slot]), SLOWEST, min(FASTEST, law.speed))
     s = law.braking / (w * w * (w + lag))
     constant = 1.0 / w + s * w * (law.reaction_time + 0.5 * w / law.braking)
     value = constant - s * np.einsum("nc,nc->n", here, place)
-    better = np.isfinite(value) & (value > steady)
-    terms = s[:, None] * np.stack([_turned(zone.gauge, z, end[:, None]) + off for end in ends])
-    return terms, constant, better & np.isfinite(terms).all(axis=(0, 2))
+    finite: Mask = np.isfinite(value) & np.isfinite(constant)
+    turned = [_turned(zone.gauge, z, end[:, None]) + off for end in ends[:2]]
+    terms = s[:, None] * np.stack([*turned, here])
+    return terms, constant, finite & np.isfinite(terms).all(axis=(0, 2)), value > steady
 
 
 def _turned(gauge: Gauge, z: Array, heading: Array) -> Array:
