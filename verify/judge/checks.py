@@ -158,6 +158,7 @@ def _zone_rules(
         return
     if name == UNIFORM_PLAN:
         yield _uniform_distance
+        return  # its disc holds every arc
     # Fitted fields hold the base zone, and it the arcs.
     held = asked.zone if asked.fields is None else zone
     if setting.limits.reserves_friction and not (asked.isotropic and held is asked.zone):

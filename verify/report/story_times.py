@@ -99,8 +99,10 @@ def breaks(result: Result, name: str) -> str:
     plan = mapping(mapping(result, "plans"), name)
     if plan.get("feasible") is not False or plan.get("model") != "full":
         return ""
-    names = [BROKEN.get(key, key.replace("_", " ")) for key in _broken_keys(result, name)]
-    return f"breaks: {', '.join(names) or 'a check'}"
+    keys = _broken_keys(result, name)
+    if not keys and mapping(plan, "violations"):
+        return ""
+    return f"breaks: {', '.join(BROKEN.get(key, key.replace('_', ' ')) for key in keys) or 'a check'}"
 
 
 def broken(result: Result, name: str) -> str:
@@ -110,12 +112,15 @@ def broken(result: Result, name: str) -> str:
 
 
 def _broken_keys(result: Result, name: str) -> list[str]:
-    """Checks that a plan fails as its model does not know them, and of a full model all that it fails."""
+    """Checks that a plan fails as its model does not know them, and of a full model all that it fails.
+
+    Not the held arcs of uniform braking: its own disc holds every arc, whatever the zone beside it does.
+    """
     keys = [row.name for row in check_rows(result) if row.trajectory == name and row.status == NOT_PROMISED]
     plan = mapping(mapping(result, "plans"), name)
     if plan.get("feasible") is False and plan.get("model") == "full":
         keys += map(words, mapping(plan, "violations"))
-    return list(dict.fromkeys(filter(None, keys)))
+    return [key for key in dict.fromkeys(keys) if key and (name, key) != ("uniform", "braking_arc")]
 
 
 def compared(ratio: float, more: str, less: str) -> str:

@@ -13,6 +13,7 @@ from verify.report.figures_zone import HeldStop
 from verify.report.numbers import DASH, count, number_in, percent, seconds, significant, with_unit
 from verify.report.palette import method
 from verify.report.story import Result, entries, executed_plan, is_executed, mapping, words
+from verify.report.story_promise import promise_broken, promise_sentences
 from verify.report.text import label, plain
 from verify.report.zone_along import LIMITS, ZoneAlong
 from verify.report.zone_gain import Gain, Stretch
@@ -35,7 +36,7 @@ class ZoneStory:
     relaxation: Sequence[str]  # on what the analytic plans run
     gained: Sequence[str]  # against uniform braking
     promise: Sequence[str]
-    broken: bool  # whether stops with the steering held leave the zone or collide
+    broken: bool  # whether stops leave the zone or collide
     fields: Sequence[str]
     stretches: Sequence[tuple[str, ...]]  # from to, held by, its share, time, gained
     cases: Sequence[tuple[str, ...]]  # case, top speed, ahead, across, least separation, share of the way
@@ -97,8 +98,8 @@ def zone_story(
         about=about,
         relaxation=_relaxation(result),
         gained=_gained(result, found),
-        promise=_promise(result, problem),
-        broken=_breaks(result),
+        promise=promise_sentences(result, problem),
+        broken=promise_broken(result),
         fields=_fields(result, fields),
         stretches=[_stretch(part) for part in parts],
         cases=_cases(fields, along),
@@ -159,48 +160,6 @@ def _gained(result: Result, found: Gain | None) -> list[str]:
     return sentences
 
 
-def _breaks(result: Result) -> bool:
-    audit = mapping(told(result), "promise")
-    return bool(number_in(audit, "held_leaves") or number_in(audit, "held_collides"))
-
-
-def _promise(result: Result, problem: Problem) -> list[str]:
-    audit = mapping(told(result), "promise")
-    poses, leaves, hits = (number_in(audit, key) for key in ("poses", "held_leaves", "held_collides"))
-    if poses is None or leaves is None or hits is None:
-        return ["The promise was not examined."]
-    beginning = (
-        f"At {count(poses)} poses along the way the judge reckons a stop with the steering held, on which "
-        "turning "
-        "and braking share the friction"
-    )
-    if not leaves and not hits:
-        kept = "no such stop leaves the zone claimed, and none touches anything"
-        return [f"{beginning}: {kept}. Straight stops stay in the zone by its shape."]
-    depth, excess = number_in(audit, "worst_depth"), number_in(audit, "worst_excess")
-    far = "" if excess is None or excess <= 0.0 else f" by up to {with_unit(excess, 'm')}"
-    deep = "" if depth is None or depth <= 0.0 else f", up to {with_unit(depth, 'm')} deep"
-    sentences = [
-        f"{beginning}: {_some(leaves, 'leave', 'leaves')} the zone claimed{far}, "
-        f"{_some(hits, 'run', 'runs')} into an obstacle{deep}."
-    ]
-    if problem.friction_reserve:
-        sentences.append("That should not be: friction is kept in reserve so that none does.")
-        return sentences
-    risk = (
-        "So this zone promises less than it seems to: the sensor sees it free, the robot turns, brakes, and "
-        "ends "
-        "where nobody looked."
-    )
-    cure = "braking.friction_reserve: true keeps full braking in every bend and the arc in the zone"
-    none = problem.robot.reserved_lateral_acceleration() <= 0.1 * problem.braking.max_braking
-    return [*sentences, risk, f"{cure}{'; here a lower a_b must leave friction for it' if none else ''}."]
-
-
-def _some(number: float, several: str, one: str) -> str:
-    return f"{'none' if number == 0.0 else count(number)} {one if number in (0.0, 1.0) else several}"
-
-
 def held_stops(result: Result, along: ZoneAlong) -> list[HeldStop]:
     """The stops that the audit lists, with the speed of the motion there."""
     found = []
@@ -238,6 +197,9 @@ def _fields(result: Result, fields: Mapping[str, Any]) -> list[str]:
         if number == 1.0
         else f"{count(number)} fields stand for the zone, switched {_times(switches)} on the way."
     ]
+    asked = number_in(told(result), "parameters", "count")
+    if asked is not None and number < asked:
+        sentences.append(f"{count(number)} of {count(asked)} asked for: more would gain nothing.")
     if cost is not None:
         sentences.append(
             f"They cost {percent(cost)} of travel time against the zone that grows smoothly with the speed."
