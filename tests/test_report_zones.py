@@ -23,12 +23,13 @@ from verify.replay_shapes import fan, rim
 from verify.report import ReportExtras, write_report
 from verify.report.answer import answer
 from verify.report.evidence import SimulatedRun, read_evidence
-from verify.report.figures_zone import runs
+from verify.report.figures_gain import limit_shown
+from verify.report.figures_zone import ShapeData, draw_shape, runs
 from verify.report.html import script
 from verify.report.key_figures import key_figures
 from verify.report.stops import StopPaths
 from verify.report.stops_zone import claimed_zones, zone_finding
-from verify.report.story_zone import relaxation_sentence, shape_words
+from verify.report.story_zone import relaxation_sentence, shape_words, zone_story
 from verify.report.zone_along import HIGHEST, KEYS, LIMITS, arc_points, held_arc_length, placed, zone_along
 from verify.report.zone_gain import gain, stretches
 from verify.report.zone_sections import motion_zone, zone_sections
@@ -293,6 +294,27 @@ def test_a_promise_that_is_kept_and_one_that_is_not(case, risky):
     assert "this zone promises less than it seems to" in words
     assert "From 18 of 800 poses" in words
     assert "zone-promise-title" in risky
+
+
+def test_fewer_fields_than_asked_for_are_told():
+    fields = {"count": 1, "cost": 0.0}
+    for asked, told in ((3, True), (1, False)):
+        result = {"zone": {"fields": fields, "parameters": {"count": asked}}}
+        words = " ".join(zone_story(result, problem(), None, None, (), {}).fields)
+        assert ("1 of 3 asked for: more would gain nothing." in words) is told
+
+
+def test_captions_tell_only_of_what_is_drawn(case):
+    zone = ellipse(0.5)
+    slow = zone_along(problem(zone), zone, straight(0.2))  # far below what the corridor allows
+    assert not limit_shown(slow)
+    assert limit_shown(zone_along(problem(zone), zone, straight(2.2)))
+    assert "Dashed: the greatest speed" in said(case[2])
+    base = problem(zone)
+    point = replace(base, robot=replace(base.robot, radius=0.0))
+    for setting, discs in ((base, True), (point, False)):
+        caption = draw_shape(ShapeData(problem=setting, zone=zone, top=1.0)).caption
+        assert ("Dashed discs" in caption) is discs
 
 
 def test_without_uniform_braking_the_page_says_so(risky):

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 _Line = tuple[Curve, str, Dash, float]  # curve, colour, dash and width
 
+HEADROOM = 1.3  # of the motion's top speed, up to which speeds are drawn
 SPEED_HEIGHT, GAIN_HEIGHT, ROW_HEIGHT = 230.0, 130.0, 19.0  # [px]
 
 
@@ -32,6 +33,11 @@ class GainData:
     gain: Gain | None
     plan: str  # method of the motion
     subject: str  # what it is called
+
+
+def limit_shown(along: ZoneAlong) -> bool:
+    """Whether the greatest speed that the zone allows comes anywhere down to the speeds drawn."""
+    return bool(np.any(along.fastest < HEADROOM * along.v.max()))
 
 
 def draw_gain(data: GainData) -> tuple[Picture, dict[str, Frame]]:
@@ -47,8 +53,8 @@ def draw_gain(data: GainData) -> tuple[Picture, dict[str, Frame]]:
     described = {
         "key": "zone-gain",
         "title": "Speed with the zone against uniform braking, and what limits it",
-        "description": f"Speed of the {data.subject} over path length below the greatest speed its zone "
-        "allows."
+        "description": f"Speed of the {data.subject} over path length"
+        f"{' below the greatest speed its zone allows' if limit_shown(along) else ''}."
         f"{gained} What holds it: {told}.",
     }
     frames: dict[str, Frame] = {}
@@ -81,9 +87,10 @@ def _curves(data: GainData, *, short: bool) -> list[_Line]:
     """Curve, colour of its line, dash and width; the motion last."""
     along, look, other = data.along, method(data.plan), method("uniform")
     limit = "V by zone" if short else "greatest speed with the zone at this pose"
-    drawn: list[_Line] = [
-        (Curve(x=along.s, y=along.fastest, text=limit, colour=LIMIT.light), LIMIT.light, (0, (5, 2)), 1.3)
-    ]
+    drawn: list[_Line] = []
+    if limit_shown(along):
+        curve = Curve(x=along.s, y=along.fastest, text=limit, colour=LIMIT.light)
+        drawn.append((curve, LIMIT.light, (0, (5, 2)), 1.3))
     if data.gain is not None:
         curve = Curve(x=along.s, y=data.gain.v, text="uniform braking", colour=other.text)
         drawn.append((curve, other.light, other.dash, 1.6))
@@ -94,7 +101,7 @@ def _curves(data: GainData, *, short: bool) -> list[_Line]:
 def _speeds(axes: Axes, data: GainData, *, short: bool) -> None:
     for curve, colour, dash, width in _curves(data, short=short):
         axes.plot(*thinned(curve.x, curve.y), color=colour, ls=dash, lw=width, dash_capstyle="butt")
-    axes.set_ylim(0.0, 1.3 * float(data.along.v.max()) or 1.0)
+    axes.set_ylim(0.0, HEADROOM * float(data.along.v.max()) or 1.0)
     axes.set_ylabel("speed [m/s]")
     axes.locator_params(axis="y", nbins=5)
 

@@ -65,28 +65,27 @@ def draw_shape(data: ShapeData) -> Picture:
     """The zone at some speeds in the robot's frame, with the straight stop and the stop in a bend."""
     v, bend = data.speeds[-1], data.sharpest
     held = held_arc_length(data.problem, v, bend)
-    kept = data.problem.friction_reserve
     steps = ", ".join(f"{speed:.2f}" for speed in data.speeds)
+    sized = data.problem.robot.radius > 0.0
+    ends = "end where the dashed discs are" if sized else "end where the lines end"
     described = {
         "key": "zone-shape",
         "title": "The braking zone at some speeds",
         "description": f"Outlines of the zone around the robot at {steps} m/s, one in the other, the robot "
         f"driving to the right. A straight stop from {v:.2f} m/s and one with the steering held at the "
-        f"greatest curvature allowed there, {bend:.3g} 1/m, {held:.2f} m long, end where the "
-        "dashed discs are.",
+        f"greatest curvature allowed there, {bend:.3g} 1/m, {held:.2f} m long, {ends}.",
     }
+    shown = "Dashed discs: the robot where" if sized else "The lines end where"
+    braking = (
+        "with the friction in reserve it brakes as hard as on the straight"
+        if data.problem.friction_reserve
+        else "without friction in reserve turning takes from braking"
+    )
     caption = (
-        f"The robot drives to the right. Filled: what must be free at {steps} m/s. Dashed discs: the robot "
-        "where "
-        f"a straight stop from {v:.2f} m/s ends, and where a stop with the steering held ends, at the "
-        "greatest "
-        f"curvature that is allowed at this speed ({bend:.3g} 1/m)"
-        + (
-            ": with the friction in reserve it brakes as hard as on the straight."
-            if kept
-            else ": without friction in reserve turning takes from braking."
-        )
-        + " Dotted: the disc of uniform braking at the same speed."
+        f"The robot drives to the right. Filled: what must be free at {steps} m/s. {shown} a straight stop "
+        f"from {v:.2f} m/s ends, and where a stop with the steering held ends, at the greatest curvature "
+        f"that is allowed at this speed ({bend:.3g} 1/m): {braking}. Dotted: the disc of uniform braking at "
+        "the same speed."
     )
     with drawing_style():
         return Picture(
@@ -225,15 +224,13 @@ class HeldStop:
 
 
 def draw_promise(problem: Problem, along: ZoneAlong, stops: Sequence[HeldStop]) -> Picture:
-    """Where stops, one or more, with the steering held leave the zone or collide: arcs, the robot at their "
-    "ends."""
-    hits = sum(stop.depth > 0.0 for stop in stops)
+    """Where stops with the steering held leave the zone or collide: arcs, the robot at their ends."""
+    hits, sized = sum(stop.depth > 0.0 for stop in stops), problem.robot.radius > 0.0
     described = {
         "key": "zone-promise",
         "title": "Stops with steering held that break the promise",
         "description": f"{len(stops)} stops with the steering held as arcs on the map, {hits} of them end "
-        "in an "
-        "obstacle; each with the robot's disc at its end.",
+        f"in an obstacle{'; each with the disc of the robot at its end' if sized else ''}.",
     }
     with drawing_style():
         return Picture(

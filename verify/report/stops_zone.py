@@ -108,17 +108,19 @@ def draw_stop_in_zone(problem: Problem, stops: StopPaths, claims: ClaimedZones) 
         float(claims.beyond[i]),
         "wheels straightened" if stops.straightened[i] else "steering held",
     )
+    whose = "the robot's disc" if problem.robot.radius > 0.0 else "the robot"
     where = "beyond its rim" if beyond > 0.0 else "inside its rim"
     told = (
         f"The stop that goes furthest in the zone that it claims: {seconds(float(stops.instant[i]))}, "
-        f"{claims.speed[i]:.2f}\u00a0m/s, {kind}; the robot's disc stays {with_unit(abs(beyond), 'm')} "
+        f"{claims.speed[i]:.2f}\u00a0m/s, {kind}; {whose} stays {with_unit(abs(beyond), 'm')} "
         f"{where}."
     ).replace("stays", "ends" if beyond > 0.0 else "stays")
     described = {"key": "stop-zone", "title": "Worst stop in the zone it claims", "description": told}
     with drawing_style():
         svg = _draw(problem, stops, claims, described, WIDE)
         narrow = _draw(problem, stops, claims, {**described, "key": "stop-zone-narrow"}, NARROW)
-    caption = told + " Filled: the zone claimed; dashed: the robot every quarter of the way."
+    dashed = "; dashed: the robot every quarter of the way" if problem.robot.radius > 0.0 else ""
+    caption = f"{told} Filled: the zone claimed{dashed}."
     return [Picture(**described, svg=svg, narrow=narrow, caption=caption)]
 
 

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from verify.report.evidence import Evidence
 from verify.report.figures_fields import draw_fields
-from verify.report.figures_gain import GainData, draw_gain
+from verify.report.figures_gain import GainData, draw_gain, limit_shown
 from verify.report.figures_zone import Frame, ShapeData, ZoneMapData, draw_promise, draw_shape, draw_zone_map
 from verify.report.numbers import number_in
 from verify.report.section import Section
@@ -62,6 +62,7 @@ def zone_sections(
     none: dict[str, Any] = {
         "zone": None, "zone_shape": NONE, "zone_map": NONE, "zone_gain": NONE, "zone_promise": NONE,
         "zone_fields": NONE, "zone_data": Markup(), "zone_keys": [],
+        "zone_limit_shown": False, "zone_of_point": problem.robot.radius <= 0.0,
     }  # fmt: skip
     if problem.zone is None:
         return none
@@ -80,7 +81,9 @@ def zone_sections(
     top = float(along.v.max())
     drawn = [draw_shape(ShapeData(problem=problem, zone=along.zone, top=top))] if top > 0.0 else []
     return {
+        **none,
         "zone": words,
+        "zone_limit_shown": limit_shown(along),
         "zone_shape": Section(pictures=drawn),
         "zone_map": Section(pictures=[zone_map]),
         "zone_gain": Section(pictures=[gained], missing=_no_uniform(evidence)),
