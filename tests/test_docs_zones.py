@@ -150,10 +150,18 @@ def test_the_route_of_the_readme_is_as_fast_as_it_says():
     zone = EllipseZone(law=base.braking, radius=base.robot.radius, lateral_ratio=0.5)
     motion, uniform = pictures.corner(pictures.replace(base, zone=zone))
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    told = re.search(r"the same route takes ([\d.]+) s instead of ([\d.]+) s", readme).groups()
-    assert [float(time) for time in told] == pytest.approx(
-        [motion.travel_time, uniform.travel_time], abs=0.05
-    )
+    times = [motion.travel_time, uniform.travel_time]
+    told = re.search(r"route takes ([\d.]+) s instead of ([\d.]+) s under the zone alone", readme).groups()
+    assert [float(time) for time in told] == pytest.approx(times, abs=0.05)
+    caption = r"with it \(([\d.]+) s\) and with uniform braking \(([\d.]+) s\)"
+    for found in (re.search(caption, readme), re.search(r"speeds, ([\d.]+) s against ([\d.]+) s\]", PAGE)):
+        assert [float(time) for time in found.groups()] == pytest.approx(times, abs=0.005)
+    # 12 m along a corridor with room for 0.6 m beside the robot: v = sqrt(2 a 0.6/beta), a = 1 m/s^2
+    corridors = re.search(
+        r"takes \[([\d.]+) s\].* as\nit is long and ([\d.]+) s with uniform", readme
+    ).groups()
+    exact = [12.0 / math.sqrt(1.2 / beta) for beta in (0.5, 1.0)]
+    assert [float(time) for time in corridors] == pytest.approx(exact, abs=0.005)
     # with uniform braking the optimum is in [25.44124, 25.44170] s; the disc in the zone has
     # twice the a_b, so all its times fall by sqrt(2), and nothing with the zone beats it
     assert uniform.travel_time == pytest.approx(25.4417, rel=2e-5)
