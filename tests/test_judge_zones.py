@@ -364,6 +364,21 @@ class Oval(PlannersGaugeZone):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Rounded(Oval):
+    """The same, with a body and a reach ahead that are off by roundings."""
+
+    type_name: ClassVar[str] = "rounded"
+
+    def shape(self, angle):
+        h, slope = super().shape(angle)
+        return h * (1.0 - 1e-15), slope
+
+    def body(self, angle):
+        r = self.radius + self.law.margin
+        return np.hypot(r * np.cos(angle), r * np.sin(angle)) * (1.0 - 1e-15), np.zeros_like(angle)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Balloon(ConvexZone):
     """A disc that grows with the speed by a law of its own."""
 
@@ -375,17 +390,18 @@ class Balloon(ConvexZone):
 
 
 def test_a_plugin_s_zone_is_judged_by_its_own_functions(monkeypatch):
-    monkeypatch.setattr(plugins, "_registered", {"oval": Oval, "balloon": Balloon})
+    monkeypatch.setattr(plugins, "_registered", {"oval": Oval, "rounded": Rounded, "balloon": Balloon})
     motion = arcs_motion((5.0, 2.0), 0.0, [(1.0, 0.02)] * 3, [0.5, 1.0, 1.0, 0.8])
     checks = {}
-    for zone in ("oval", {"type": "ellipse", "lateral_ratio": 0.5}, "balloon"):
+    for zone in ("oval", {"type": "ellipse", "lateral_ratio": 0.5}, "rounded", "balloon"):
         within = setting(braking={"zone": zone}, robot={"radius": 0.4})
         found = {c.name: c for c in check_motion(motion, "refined", "full", within)}["braking_distance"]
         checks[str(zone)] = found
         assert within.zone is not None
         assert within.zone.plugin is ("functions of the plugin" in found.message)
-    oval, ellipse, balloon = checks.values()
+    oval, ellipse, rounded, balloon = checks.values()
     assert oval.worst == pytest.approx(ellipse.worst, abs=2e-8)
+    assert rounded.worst == pytest.approx(ellipse.worst, abs=2e-8)
     # at 1 m/s the balloon has 2.4 m, and the wall is 2 m less the way aside away
     aside = (1.0 - math.cos(0.04)) / 0.02
     assert balloon.worst == pytest.approx(2.0 - aside - 2.4, abs=2e-3)
