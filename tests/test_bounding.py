@@ -86,6 +86,25 @@ def test_the_least_time_of_the_variational_optima_is_what_the_gap_refers_to(monk
     assert asked["upper"] is None
 
 
+@pytest.mark.parametrize(("ahead", "holds"), [(1.0, True), (0.999, False)])
+def test_fields_that_do_not_hold_their_base_get_no_bound(monkeypatch, ahead, holds):
+    # At 1 m/s and a_b = 1 m/s^2 the base reaches 0.5 m of stopping and 0.5 m of robot ahead, and 0.7 m with
+    # 0.2 m of its side to either side; the field as much and no more, or 0.2 mm narrower.
+    wide = 0.5 + 0.2 * ahead
+    polygon = [[-0.5, -wide], [1.0, -wide], [1.0, wide], [-0.5, wide]]
+    base = {"type": "protective_field", "form": "rectangle", "side": 0.2}
+    zone = {"type": "field_set", "base": base, "fields": [{"max_speed": 1.0, "polygon": polygon}]}
+    monkeypatch.setattr(bounding, "lower_bound", lambda _problem, **_how: None)
+    asked = scenario(braking={"zone": zone})
+    if holds:
+        run_lower_bound(asked, {}, {}, told)
+        return
+    with pytest.raises(
+        PlanningError, match=r"^not run: braking.zone.fields\[0\] does not hold the base zone"
+    ):
+        run_lower_bound(asked, {}, {}, told)
+
+
 @pytest.mark.parametrize(
     ("plan", "named", "given", "effort"),
     [

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from verify.__main__ import main
+from verify.judge.limits import Limits
 from vnav_drake.scenario import Scenario, ScenarioError, parse_scenario, scenario_schema
 from vnav_drake.scenario_file import read_document
 from vnav_drake.scenario_zone import BUILT_IN
@@ -127,6 +128,22 @@ def test_given_fields_become_a_field_set():
     assert fields.support(0.0, 1.0)[0] == 2.0
     assert fields.support(0.0, 1.1)[0] == 6.0
     assert field_set({"base": "uniform", "count": 4}, asked.problem.braking, 0.4) is None
+
+
+@pytest.mark.parametrize("base", ["uniform", "ellipse"])
+@pytest.mark.parametrize(("limit", "most"), [("null", 3.0), ("2.5", 2.5), ("4.0", 3.0)])
+def test_no_plan_is_faster_than_the_last_field(base, limit, most):
+    asked = scenario(
+        f"{{type: field_set, base: {base}, fields: [{{max_speed: 1, polygon: {SMALL}}}, "
+        f"{{max_speed: 3, polygon: {SQUARE}}}]}}",
+        ("max_speed: null", f"max_speed: {limit}"),
+    )
+    problem = asked.problem
+    assert problem.robot.max_speed == problem.braking.max_speed == most
+    assert (problem.zone is None) is (base == "uniform")
+    if problem.zone is not None:
+        assert problem.zone.law == problem.braking
+    assert Limits.from_spec(asked.spec).speed == most  # the judge's
 
 
 @pytest.mark.parametrize(("ratio", "rounded"), [(0.5, 1.04), (0.3, 1.17)])

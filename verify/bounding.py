@@ -9,6 +9,8 @@ from vnav_drake.lower_bound import LowerBound, lower_bound
 from vnav_drake.plan import Plan
 from vnav_drake.problem import NoPathError, PlanningError
 from vnav_drake.scenario import Scenario
+from vnav_drake.zones.catalogue import field_set
+from vnav_drake.zones.field_set import FieldSet
 
 GATE = "certified_gap"  # what the stage serves; without a bound this gate is not evaluated, and nothing else
 METHOD = "quadratic certificate (second-order cone program)"
@@ -33,9 +35,10 @@ def run_lower_bound(
 
     Raises
     ------
-    PlanningError : no certificate was found.
+    PlanningError : no certificate was found, or the scenario's fields are not for what it would prove.
     NoPathError : there is no path for this robot, and no plan says otherwise.
     """
+    _require_fields_that_hold_the_base(scenario)
     # Ways asked for by name need not hold the fastest: no gap to close, unless the gate is named too.
     aimless = bool(scenario.plan.through) and GATE not in {*scenario.named_gates, *overrides}
     optima = OPTIMA if scenario.problem.has_variational_optimum else ("refined",)
@@ -56,6 +59,22 @@ def run_lower_bound(
     except (MemoryError, RuntimeError) as error:  # also what Drake's solvers raise
         words = str(error).partition("\n")[0]
         raise PlanningError(f"{type(error).__name__}{words and ': '}{words}") from error
+
+
+def _require_fields_that_hold_the_base(scenario: Scenario) -> None:
+    """A bound for the base zone is one for fields that hold it; others may allow faster motions."""
+    asked, problem = scenario.spec.braking.zone, scenario.problem
+    if asked.type != FieldSet.type_name or "fields" not in asked.parameters:
+        return
+    reserve = problem.robot.reserved_lateral_acceleration() if problem.friction_reserve else None
+    fields = field_set(asked.parameters, problem.braking, problem.robot.radius, reserve)
+    if fields is None or fields.narrower is None:
+        return
+    i = fields.narrower
+    raise PlanningError(
+        f"not run: braking.zone.fields[{i}] does not hold the base zone at {fields.max_speeds[i]:g} m/s, so "
+        "the fields may allow motions that are faster than a bound for the base zone says"
+    )
 
 
 def aimed_gap(scenario: Scenario, overrides: Mapping[str, float]) -> float:

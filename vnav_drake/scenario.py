@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -123,6 +123,10 @@ def _build(data: bytes, where: str, source: Path | None) -> Scenario:
         faults += end_faults(spec, world, braking, fields or zone) + duration_faults(spec, braking, zone)
     if world is None or faults:
         raise document.error(faults)
+    if fields is not None:  # nothing is planned faster than the last of them, whatever its zone
+        braking = fields.law
+        robot = replace(robot, max_speed=braking.max_speed)
+        zone = None if zone is None else zone.with_law(braking)
     problem = Problem(
         world=world,
         robot=robot,

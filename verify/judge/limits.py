@@ -24,7 +24,7 @@ class Limits:
     track: float  # w [m]
     braking: float  # a_b [m/s^2]
     acceleration: float  # a_max [m/s^2]
-    speed: float  # v_max [m/s]
+    speed: float  # v_max, and of fields that are given the greatest of their speeds [m/s]
     grip: float  # mu g [m/s^2] (Manor 2015, eq. A.2)
     tip: float  # g w / (2 h) [m/s^2] (eq. A.3)
     reserve: float  # sqrt((mu g)^2 - a_b^2) [m/s^2] if braking is to stay available in turns
@@ -48,7 +48,7 @@ class Limits:
             track=robot.track,
             braking=robot.max_braking,
             acceleration=robot.max_acceleration,
-            speed=math.inf if robot.max_speed is None else robot.max_speed,
+            speed=min(math.inf if robot.max_speed is None else robot.max_speed, _last_field(braking.zone)),
             grip=grip,
             tip=tip,
             reserve=leftover if braking.friction_reserve else math.inf,
@@ -81,3 +81,9 @@ class Limits:
         lag = self.braking * self.reaction_time
         room = max(0.0, clearance - self.margin)
         return min(self.speed, math.sqrt(lag * lag + 2.0 * self.braking * room) - lag)
+
+
+def _last_field(zone: Any) -> float:
+    """The speed [m/s] above which no field that the scenario gives is for."""
+    fields = zone.parameters.get("fields") if zone.type == "field_set" else None
+    return max((float(field["max_speed"]) for field in fields), default=math.inf) if fields else math.inf

@@ -115,10 +115,16 @@ class FieldSet(ConvexZone):
     @cached_property
     def holds_base(self) -> bool:
         """Whether each field holds the base zone at all its speeds: nothing is faster with the fields."""
+        return self.narrower is None
+
+    @cached_property
+    def narrower(self) -> int | None:
+        """The first field, from 0, that does not hold the base zone at its greatest speed; None if all do."""
         if self.polygons is None:
-            return True
+            return None
         reach = (self.base.support(n, v)[0] for n, v in zip(self._normals, self.max_speeds, strict=True))
-        return all(bool(np.all(h <= c + HOLDS)) for h, c in zip(reach, self._offsets, strict=True))
+        holds = [bool(np.all(h <= c + HOLDS)) for h, c in zip(reach, self._offsets, strict=True)]
+        return None if all(holds) else holds.index(False)
 
     def with_law(self, law: UniformBraking) -> Self:
         return replace(self, law=law, base=self.base.with_law(law))
