@@ -26,7 +26,7 @@ JUDGE_MAY_IMPORT = ("vnav_drake.scenario_file*", "vnav_drake.scenario_faults*")
 JUDGE_PLUGINS = "verify.judge.zones.plugin"
 PLUGIN_REGISTRY = (
     *("vnav_drake.zones", "vnav_drake.zones.catalogue*", "vnav_drake.zones.convex_zone*"),
-    *("vnav_drake.zones.errors*", "vnav_drake.braking*"),
+    *("vnav_drake.zones.errors*", "vnav_drake.zones.plugins*", "vnav_drake.braking*"),
 )
 DRAKE_USERS = ("vnav_drake.collocation*", "vnav_drake.lower_bound*", "systems*", "verify.replay*")
 MATPLOTLIB_USERS = ("verify.report*",)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import pickle
 import sys
 from pathlib import Path
 
 import pytest
 
+from verify import pipeline
 from verify.__main__ import main
+from verify.judge.zones.plugin import differences, identity
 from vnav_drake.scenario import Scenario, ScenarioError, parse_scenario
 from vnav_drake.zones import plugins
 from vnav_drake.zones.catalogue import known_types
@@ -242,6 +245,77 @@ def test_a_zone_that_breaks_the_rules_is_refused_with_its_reason():
 def test_a_zone_that_fails_is_refused_in_a_line():
     load_plugin(module("ovals", OVAL.replace("np.hypot(np.cos(angle)", "np.hypot(np.cosinus(angle)")))
     assert ": the zone 'oval' fails: AttributeError: module 'numpy' has no attribute" in refused("oval")
+
+
+LATER = OVAL.replace(
+    "    def shape(self, angle):\n",
+    "    def shape(self, angle):\n        if Path('now').exists():\n            raise %s('at some angle')\n",
+).replace("\nimport numpy", "\nfrom pathlib import Path\nimport numpy")
+
+
+@pytest.mark.parametrize("error", ["ZeroDivisionError", "Own"])
+def test_a_zone_that_fails_while_it_is_used_is_the_plugin_s_fault(error, workshop):
+    load_plugin(module("later", LATER % error + "\nclass Own(Exception): ...\n"))
+    zone = asked("{type: oval, side: 0.7}").problem.zone
+    (workshop / "now").touch()
+    with (
+        pytest.raises(
+            PluginError,
+            match=f"^the braking zone 'oval' of the plugin later fails: {error}: at some angle$",
+        ),
+        plugins.Watched(),
+    ):
+        zone.support(0.0, 1.0)
+    with pytest.raises(ZeroDivisionError), plugins.Watched():  # which is no plugin's
+        _ = 1 / 0
+    with pytest.raises(KeyboardInterrupt), plugins.Watched():
+        raise KeyboardInterrupt
+
+
+def test_a_run_whose_zone_fails_could_not_finish(workshop, monkeypatch, capsys):
+    def fails(scenario, *_args, **_how):
+        scenario.problem.zone.support(0.0, 1.0)
+
+    load_plugin(module("later", LATER % "RuntimeError"))
+    (workshop / "s.yaml").write_text(EXAMPLE.replace("zone: uniform", "zone: oval"))
+    asked("oval")
+    monkeypatch.setattr(pipeline, "run_scenario", lambda *a, **k: (Path("now").touch(), fails(*a, **k)))
+    assert main(["s.yaml"]) == 3
+    told = capsys.readouterr().err
+    assert "the braking zone 'oval' of the plugin later fails: RuntimeError: at some angle" in told
+    assert "fault of ours" not in told
+    assert "Traceback" not in told
+
+
+# --- which plugin it is ---
+
+
+def test_a_plugin_is_known_by_its_module_and_its_source(workshop):
+    load_plugin(module("ovals", OVAL))
+    told = identity("oval")
+    source = (workshop / "ovals.py").read_bytes()
+    assert told == {"module": "ovals", "sha256": hashlib.sha256(source).hexdigest()}
+    result = {"zone": {"type": "oval", "parameters": {}, "plugin": told}}
+    assert differences(result) == ()
+    nested = {"zone": {"type": "field_set", "parameters": {"base": {"type": "oval"}}, "plugin": told}}
+    assert differences(nested) == ()
+    (workshop / "ovals.py").write_text(OVAL + "# changed\n")
+    for made in (result, nested):
+        (reason,) = differences(made)
+        assert reason.startswith(
+            "the plugin ovals is not the one this was made with: SHA-256 of its source is "
+        )
+    assert identity("nowhere") == {}
+    for odd in ({}, {"zone": 3}, {"zone": {"plugin": told}}, {"zone": {"type": [], "plugin": told}}):
+        assert differences(odd) == ()
+
+
+def test_an_installed_plugin_is_known_by_its_package_too():
+    module("lazy", OVAL)
+    install("lazy", "oval = lazy:Oval")
+    Path("lazy-1.0.dist-info/top_level.txt").write_text("lazy\n")
+    told = identity("oval")
+    assert (told["distribution"], told["version"]) == ("lazy", "1.0")
 
 
 # --- entry points ---

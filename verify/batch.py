@@ -21,6 +21,7 @@ from verify.junit import Suite, write_junit
 from verify.progress import Progress
 from verify.summary import details, failures, headline
 from vnav_drake.scenario import Scenario, ScenarioError, load_scenario
+from vnav_drake.zones.errors import PluginError
 
 # What a fault of ours, or memory running out, is raised as. Interruptions pass.
 DEFECTS = (
@@ -67,10 +68,13 @@ def _load(files: list[Path]) -> tuple[list[Scenario], list[Suite]]:
     suites: list[Suite] = []
     for file in files:
         try:
-            scenario = load_scenario(file)
+            scenario = _loaded(file)
             twin = next((other for other in scenarios if other.name == scenario.name), None)
             if twin is not None:
                 raise scenario.error("name", f"is also the name of {twin.source}; expected one file a name")
+        except PluginError as error:
+            print(f"{file}: {error}", file=sys.stderr)
+            suites.append(Suite(name=str(file), error=str(error)))
         except ScenarioError as error:
             print(error, file=sys.stderr)
             suites.append(Suite(name=str(file), error=str(error)))
@@ -79,17 +83,26 @@ def _load(files: list[Path]) -> tuple[list[Scenario], list[Suite]]:
     return scenarios, suites
 
 
+def _loaded(file: Path) -> Scenario:
+    from vnav_drake.zones.plugins import Watched
+
+    with Watched():
+        return load_scenario(file)
+
+
 def _run_one(scenario: Scenario, options: argparse.Namespace, progress: Progress) -> tuple[int, Suite]:
     name = scenario.name
     try:
         from systems.parallel import processors
         from verify.pipeline import run_scenario  # loads Drake: not for bad input
+        from vnav_drake.zones.plugins import Watched
 
         # Drake tells of each solve that did not succeed; the stages try again, and say what counts.
         logging.getLogger("drake").setLevel(logging.WARNING)
-        outcome = run_scenario(
-            scenario, options.out, overrides=dict(options.gate), say=progress.say, workers=processors()
-        )
+        with Watched():
+            outcome = run_scenario(
+                scenario, options.out, overrides=dict(options.gate), say=progress.say, workers=processors()
+            )
         _write_index(options.out)
     except (ScenarioError, OutputError) as error:
         with progress.paused():
@@ -98,6 +111,13 @@ def _run_one(scenario: Scenario, options: argparse.Namespace, progress: Progress
     except EvidenceError as error:  # what was written, too large for one
         text = f"{name}: cannot be judged: {error}"
         with progress.paused():
+            print(f"verify: {text}; an earlier result is as it was", file=sys.stderr)
+        return UNFINISHED, Suite(name=name, error=text)
+    except PluginError as error:
+        text = f"{name}: could not finish: {error}"
+        with progress.paused():
+            if options.verbose:
+                traceback.print_exc()
             print(f"verify: {text}; an earlier result is as it was", file=sys.stderr)
         return UNFINISHED, Suite(name=name, error=text)
     except DEFECTS as error:

@@ -12,6 +12,7 @@ from verify import evidence
 from verify.evidence import EvidenceError
 from verify.exit_codes import BAD_INPUT, FAILED, OK
 from verify.judge import Judgement, compare, compare_files, decide, exactly, examine, gate_overrides
+from verify.judge.zones.plugin import differences as other_plugin
 from verify.summary import failures, headline, limits_given
 
 NONE: Mapping[str, float] = MappingProxyType({})
@@ -46,7 +47,7 @@ def recheck(folder: Path, overrides: Mapping[str, float] = NONE, *, exact: bool 
         made = gate_overrides(result)
     except EvidenceError as error:
         return Recheck(reasons=error.reasons)
-    reasons = compare_files(folder, result)
+    reasons = other_plugin(result) + compare_files(folder, result)
     try:
         findings = examine(folder)
     except EvidenceError as error:

@@ -82,7 +82,7 @@ def _zone_claims(expected: Any, claimed: Any) -> list[str]:
         return []  # told where the sections are compared
     found = [
         f"zone.{name}: claimed, but there is no evidence for it"
-        for name in ("promise", "fields")
+        for name in ("promise", "fields", "plugin")
         if name in claimed and name not in expected
     ]
     kept, told = expected.get("promise"), claimed.get("promise")

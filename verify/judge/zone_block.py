@@ -12,6 +12,7 @@ from verify.judge.motion import Motion
 from verify.judge.promises import FIELD_PLAN
 from verify.judge.zones.fields_file import NAME as FIELDS
 from verify.judge.zones.fields_file import FieldsFile, judge_fields
+from verify.judge.zones.plugin import identity
 from verify.judge.zones.promise import audit
 
 
@@ -33,6 +34,8 @@ def zone_block(
         "relaxation": asked.relaxation,
         "statement": asked.statement,
     }
+    if asked.plugin:
+        block["plugin"] = identity(asked.path_type)
     checks = []
     if asked.type == "field_set" and executed is not None:
         if executed == FIELD_PLAN:

@@ -146,9 +146,51 @@ class Foreign:
     ) -> None:
         if error is None or isinstance(error, KeyboardInterrupt | PluginError | ZoneError | ZoneFault):
             return
-        words = printable(str(error).partition("\n")[0])[:200]
-        reason = f"{type(error).__name__}{words and ': '}{words}"
-        raise self.kind(f"{self.what}: {reason}") from error
+        raise self.kind(f"{self.what}: {_reason(error)}") from error
+
+
+class Watched:
+    """Around work with zones: what a plugin's own functions raise there is told as the plugin's fault.
+
+    Raises
+    ------
+    PluginError : in place of an error that came out of a function of a plugin's zone; others pass.
+    """
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        if isinstance(error, PluginError):
+            return
+        cause: BaseException | None = error
+        while isinstance(cause, Exception):
+            zone = _failing_zone(cause)
+            if zone is not None:
+                where = f"the braking zone {zone.type_name!r} of the plugin {type(zone).__module__}"
+                raise PluginError(f"{where} fails: {_reason(cause)}") from error
+            cause = cause.__cause__ or cause.__context__
+
+
+def _failing_zone(error: BaseException) -> ConvexZone | None:
+    """The zone from a plugin in one of whose own methods an error was raised, if any."""
+    trace = error.__traceback__
+    while trace is not None:
+        frame, code = trace.tb_frame, trace.tb_frame.f_code
+        owner = frame.f_locals.get(code.co_varnames[0]) if code.co_argcount else None
+        if isinstance(owner, ConvexZone):
+            module = str(frame.f_globals.get("__name__"))
+            own = {base.__module__ for base in type(owner).__mro__}
+            if module in own and not module.startswith("vnav_drake."):
+                return owner
+        trace = trace.tb_next
+    return None
+
+
+def _reason(error: BaseException) -> str:
+    words = printable(str(error).partition("\n")[0])[:200]
+    return f"{type(error).__name__}{words and ': '}{words}"
 
 
 def _imported(module: str) -> ModuleType:

@@ -39,10 +39,14 @@ class AskedZone:
     count: int | None = None  # of fields that are fitted to the route, at most
 
     @property
+    def path_type(self) -> str:
+        """The type of the zone that paths are planned with."""
+        return self.type if self.type != "field_set" else str(self.parameters["base"]["type"])
+
+    @property
     def plugin(self) -> bool:
         """Whether the zone's own functions are taken at their word."""
-        kind = self.type if self.type != "field_set" else self.parameters["base"]["type"]
-        return kind not in _BUILT_IN
+        return self.path_type not in _BUILT_IN
 
     @property
     def relaxation(self) -> Literal["inner", "outer", "uniform"]:
