@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -239,7 +240,6 @@ def test_ends_at_rest_cost_what_a_disc_around_the_zone_proves():
 
 # A field set on the way at 1 m/s: the box of 0.5 m around the robot, as far ahead as D = 0.5 or 2 m.
 BASE = {"type": "protective_field", "form": "rectangle", "side": 0.0}
-FIELDS = {"braking": {"zone": {"type": "field_set", "count": 2, "base": BASE}}}
 
 
 def box(ahead: float) -> list[list[float]]:
@@ -261,8 +261,9 @@ def fields_json() -> dict[str, Any]:
     }
 
 
-def folder_with_fields(folder: Path, told: dict[str, Any] | None) -> Path:
-    write_case(folder, stop_arrays(), **FIELDS)
+def folder_with_fields(folder: Path, told: dict[str, Any] | None, dwell: float = 0.0) -> Path:
+    zone = {"type": "field_set", "count": 2, "base": BASE, "dwell": dwell}
+    write_case(folder, stop_arrays(), braking={"zone": zone})
     if told is not None:
         (folder / evidence.FIELDS).write_text(json.dumps(told))
     return folder
@@ -304,6 +305,34 @@ def test_fields_that_were_changed_fail_the_check(tmp_path, name):
     assert check.blocks
     assert words in check.message
     assert found.verdict == "failed"
+
+
+def test_with_a_dwell_a_larger_field_may_be_watched_and_a_lesser_one_may_not(tmp_path):
+    def message(told: dict[str, Any], dwell: float = 0.5) -> str:
+        found = judge(folder_with_fields(tmp_path / "a", told, dwell))
+        shutil.rmtree(tmp_path / "a")
+        check = next(check for check in found.checks if check.name == "fields")
+        assert check.status == ("passed" if check.message.startswith("fields: ") else "failed")
+        return check.message
+
+    # The larger reaches 2.5 m ahead, 1.5 m more than the lesser, which has 64 m.
+    larger = fields_json() | {"least_separation": [None, 62.5]}
+    larger["switches"][0]["case"] = 2
+    assert message(larger) == "fields: 2, switched 0 times"
+    assert "switches[0] is not where the speed calls for it" in message(larger, 0.0)
+    wrong = fields_json()
+    wrong["switches"][0]["x"] = 5.1
+    assert "at no row" in message(wrong)
+    wrong["switches"][0].update(x=5.0, case=3)
+    assert "a case that is none" in message(wrong)
+    wrong["switches"] = []
+    assert "where the motion begins" in message(wrong)
+    # 1 m/s is above 0.5 m/s: the second field is called for
+    slower = fields_json()
+    slower["cases"][0].update(max_speed=0.5, polygon=box(0.125))
+    slower["cases"][1].update(max_speed=1.0, polygon=box(0.5))
+    slower |= {"scanner_range": math.hypot(1.0, 0.5), "least_separation": [None, 64.0]}
+    assert "a lesser field than the speed calls for is watched at t = 0.0" in message(slower)
 
 
 def test_a_field_set_without_its_file_is_not_driven_under_fields(tmp_path):
