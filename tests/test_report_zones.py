@@ -29,7 +29,7 @@ from verify.report.html import script
 from verify.report.key_figures import key_figures
 from verify.report.stops import StopPaths
 from verify.report.stops_zone import claimed_zones, zone_finding
-from verify.report.story_zone import relaxation_sentence, shape_words, zone_story
+from verify.report.story_zone import plugin_sentences, relaxation_sentence, shape_words, zone_story
 from verify.report.zone_along import HIGHEST, KEYS, LIMITS, arc_points, held_arc_length, placed, zone_along
 from verify.report.zone_gain import gain, stretches
 from verify.report.zone_sections import motion_zone, zone_sections
@@ -172,6 +172,21 @@ def test_a_straight_stop_ends_as_far_beyond_its_zone_as_it_is_too_long(length, b
 )
 def test_shapes_are_told_in_words(zone, words):
     assert words in shape_words(zone).replace("\u00a0", " ")
+
+
+def test_the_plugin_of_a_zone_is_told_as_far_as_known():
+    def sentences(**plugin: str) -> list[str]:
+        return plugin_sentences({"zone": {"type": "egg", "plugin": plugin}})
+
+    known = {"distribution": "eggs", "version": "1.2", "sha256": "0123456789abcdef" * 4}
+    assert sentences(module="egg_zone", **known) == [
+        "It comes from the plugin egg_zone of the package eggs 1.2, its source has the SHA-256 "
+        "0123456789abcdef…; its own functions are taken at their word."
+    ]
+    assert sentences(module="egg_zone") == [
+        "It comes from the plugin egg_zone; its own functions are taken at their word."
+    ]
+    assert plugin_sentences({"zone": {"type": "ellipse"}}) == plugin_sentences({}) == []
 
 
 def test_analytic_plans_say_on_what_they_ran():

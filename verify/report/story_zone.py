@@ -84,6 +84,7 @@ def zone_story(
     shown = along.zone if along is not None else zone
     if isinstance(shown, FieldSet) and not isinstance(zone, FieldSet):
         about.append(shape_words(shown))
+    about += plugin_sentences(result)
     reserve = problem.robot.reserved_lateral_acceleration()
     about.append(
         "Friction is kept in reserve: lateral acceleration stays within "
@@ -104,6 +105,18 @@ def zone_story(
         stretches=[_stretch(part) for part in parts],
         cases=_cases(fields, along),
     )
+
+
+def plugin_sentences(result: Result) -> list[str]:
+    """Which plugin brings the zone; empty where it is built in."""
+    from_ = mapping(told(result), "plugin")
+    module, package, source = (label(words(from_.get(key))) for key in ("module", "distribution", "sha256"))
+    if not module:
+        return []
+    version = label(words(from_.get("version")))
+    inside = f" of the package {package}{version and ' '}{version}" if package else ""
+    hashed = f", its source has the SHA-256 {source[:16]}…" if source else ""
+    return [f"It comes from the plugin {module}{inside}{hashed}; its own functions are taken at their word."]
 
 
 def uniform_time(result: Result) -> float | None:
