@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Literal
 
 from vnav_drake.collocation.dubins import dubins_seeds
 from vnav_drake.collocation.mesh import Mesh
-from vnav_drake.collocation.refine import BUDGETS, ZONE_BUDGETS, Budget, refine
+from vnav_drake.collocation.refine import Budget, Refined, budget_of, refine
 from vnav_drake.collocation.seed import Seed, first_mesh
 from vnav_drake.collocation.units import unit_braking
 from vnav_drake.plan import Model, Path, Plan
@@ -88,12 +89,12 @@ def _plan(
     tries = [Seed(seeds)] if isinstance(seeds, Path) else list(seeds)
     if model == "full":
         tries += dubins_seeds(problem)
-    budget = (BUDGETS if problem.zone is None else ZONE_BUDGETS)[effort]
+    budget = budget_of(problem, effort)
     scaled, unit = unit_braking(problem)
     guess, chosen, rows = _first_guess(scaled, tries, model, budget, unit, class_of)
     report = None if progress is None else _in_seconds(progress, unit)
     scouted = time.perf_counter()
-    result = refine(scaled, guess, model, budget, report)
+    result = _refined(scaled, guess, tries[chosen], model, budget, report)
     trajectory = fastest_profile(problem, result.path, model=model)
     work = {
         "iterations": sum(entry.iterations for entry in result.rounds),
@@ -115,6 +116,28 @@ def _plan(
     if result.fault:
         details["fault"] = result.fault
     return Plan(method=method, model=model, trajectory=trajectory, path=result.path, details=details)
+
+
+def _refined(
+    problem: Problem,
+    guess: Mesh,
+    seed: Seed,
+    model: Model,
+    budget: Budget,
+    report: Callable[[int, float], None] | None,
+) -> Refined:
+    """The refinement of a guess, and once more where a zone that depends on the heading is cut between knots.
+
+    A mesh that fails is a bad guess for a finer one, so that begins with the seed again.
+    """
+    try:
+        return refine(problem, guess, model, budget, report)
+    except PlanningError:
+        if problem.zone is None:
+            raise
+    finer = replace(budget, intervals=2 * budget.intervals, most_intervals=2 * budget.most_intervals)
+    mesh = first_mesh(problem, seed.path, finer.intervals, as_mesh=seed.as_mesh, far=seed.far)
+    return refine(problem, mesh, model, finer, report)
 
 
 def _first_guess(

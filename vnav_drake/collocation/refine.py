@@ -53,6 +53,18 @@ ZONE_BUDGETS = {
     "quick": Budget(intervals=60, most_intervals=120, rounds=3, gain=5e-4),
     "full": Budget(intervals=80, most_intervals=400, rounds=6, gain=1.5e-4),
 }
+# Where speeds jump, the first safe geometry is good to some thousandths; the next ones cost ten times more.
+JUMPING_BUDGETS = {
+    "quick": Budget(intervals=60, most_intervals=180, rounds=3, gain=SCOUT_GAIN),
+    "full": Budget(intervals=80, most_intervals=240, rounds=3, gain=SCOUT_GAIN),
+}
+
+
+def budget_of(problem: Problem, effort: str) -> Budget:
+    """What a problem's zone is worth."""
+    if problem.zone is None:
+        return BUDGETS[effort]
+    return (ZONE_BUDGETS if problem.has_variational_optimum else JUMPING_BUDGETS)[effort]
 
 
 @dataclass(frozen=True)
@@ -151,8 +163,9 @@ def refine(
         elif gain > 0.0:
             best = (path, trajectory, mesh)
         spare = budget.most_intervals - mesh.intervals
-        if abs(gain) < budget.gain or (spare <= 0 and rate <= limit):
-            break
+        held = unsafe and problem.zone is not None
+        if (abs(gain) < budget.gain and not held) or (spare <= 0 and rate <= limit):
+            break  # not where the knots were held to the guess
         counts = split_counts(mesh, trajectory, spare)
         if problem.zone is not None and rate <= limit and counts.sum() < (1.0 + FEW) * len(counts):
             break  # what is lost, is lost in a few kinks, where no mesh is fine enough
