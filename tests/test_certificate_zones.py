@@ -11,6 +11,7 @@ import pytest
 from certificate_case import question, read, sealed
 from judged import scenario
 
+from verify.evidence import EvidenceError
 from verify.judge.certificate import check_certificate
 from verify.judge.certificate.drive import drive_time
 from verify.judge.certificate.gauge import EllipseGauge, FacetGauge, gauge_of
@@ -248,9 +249,12 @@ def test_fields_that_do_not_hold_the_base_zone_are_refused(made, tmp_path):
     # At 2 m/s the ellipse reaches 2 m ahead and, with the body, 1.5 m to a side: the second is narrower.
     wide = [[-3, -2], [3, -2], [3, 2], [-3, 2]]
     narrow = [[-3, -1], [3, -1], [3, 1], [-3, 1]]
+    law = made["law"].copy()
+    law[4] = 2.0  # no faster than the field: u, made without that limit, is a bound all the more
+    slower = made | {"law": law}
     for polygon, holds in ((wide, True), (narrow, False)):
         zone = {"type": "field_set", "base": ELLIPSE, "fields": [{"max_speed": 2.0, "polygon": polygon}]}
-        found = proof(made, tmp_path, braking={"zone": zone})
+        found = proof(slower, tmp_path, braking={"zone": zone}, robot={"max_speed": 2.0})
         assert found.holds is holds, found.reasons
         assert holds or any("does not hold the base zone" in reason for reason in found.reasons)
 
@@ -270,6 +274,42 @@ def test_protective_field_is_proven_by_length_and_drive(tmp_path):
     assert any("no time follows" in reason for reason in free.reasons)
     other = proof(arrays, tmp_path, braking={"zone": ELLIPSE}, **ends)
     assert not other.holds
+    # A length is one with any zone, if the file is about it; a time it is not.
+    told = json.dumps({"type": "ellipse", "lateral_ratio": 0.5}).encode()
+    renamed = arrays | {"zone": np.frombuffer(told, dtype=np.uint8)}
+    other = proof(renamed, tmp_path, braking={"zone": ELLIPSE}, **ends)
+    assert other.holds, other.reasons
+    assert other.driven
+    timed = arrays | {"lengths": np.array(0)}
+    found = proof(timed, tmp_path, braking={"zone": FIELD}, **ends)
+    assert any("no speed follows" in reason for reason in found.reasons)
+
+
+def test_time_that_is_said_to_be_a_length_is_refused(made, tmp_path):
+    found = proof(made | {"lengths": np.array(1)}, tmp_path)
+    assert any("said to be a length" in reason for reason in found.reasons)
+    with pytest.raises(EvidenceError, match="lengths"):
+        proof(made | {"lengths": np.array(2)}, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("zone", "timed"),
+    [
+        (ELLIPSE | {"behind": 0.0}, False),
+        (ELLIPSE | {"behind": 0.0005}, False),
+        (ELLIPSE | {"behind": 0.001}, True),
+        ({"type": "polygon", "vertices": [[-0.0005, -0.3], [1, -0.3], [1, 0.3], [-0.0005, 0.3]]}, False),
+        ({"type": "polygon", "vertices": [[-0.004, -0.3], [1, -0.3], [1, 0.3], [-0.004, 0.3]]}, True),
+    ],
+)
+def test_zones_that_reach_hardly_behind_are_proven_as_planned(zone, timed, tmp_path):
+    # The greatest disc around the robot in E reaches as far as E does behind: from a thousandth on the proof
+    # is one by time.
+    changes = {"robot": {"max_speed": 2.0}, "braking": {"zone": zone}}
+    arrays = lower_bound(scenario(**(ENDS | changes)).problem, budget=400).certificate.arrays()
+    found = proof(arrays, tmp_path, **changes)
+    assert found.holds, found.reasons
+    assert found.driven is not timed
 
 
 @pytest.mark.parametrize(

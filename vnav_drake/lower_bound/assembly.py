@@ -140,6 +140,7 @@ def certified(problem: Problem, assembly: Assembly, solution: Solution) -> Certi
         travel_time=max(0.0, assembly.goal(values) - assembly.start(values) - ROUNDING * size),
         contact=None if zone is None else cover.flow[parts.rows],  # of no use where u measures lengths
         zone=None if zone is None else named(zone),
+        lengths=None if zone is None else int(cover.ground.lengths),
     )
 
 

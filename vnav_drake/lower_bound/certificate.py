@@ -48,6 +48,7 @@ class Certificate:
     travel_time: float  # [s], the bound
     contact: Array | None = None  # (t, 3), with a zone: barycentric, where tangents touch for every heading
     zone: str | None = None  # type and parameters of the zone as JSON; None: uniform braking
+    lengths: int | None = None  # with a zone: 1 where u measures lengths [m], 0 where it measures times
 
     def save(self, file: Path) -> None:
         """Write the arrays and their digest as a compressed .npz file."""

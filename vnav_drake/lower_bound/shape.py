@@ -17,14 +17,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from vnav_drake.zones.convex_zone import GaugeZone
+from vnav_drake.zones.convex_zone import LEAST_INSCRIBED, GaugeZone
 from vnav_drake.zones.shapes import EllipseZone, PolygonZone
 
 Array = NDArray[np.float64]
 
 SIDES = 5760  # of the polygon in a shape that is known by its support function only
 INSIDE = 1.0 - 1e-5  # of that polygon is taken, as others may find another one in the same shape
-LEAST_INSIDE = 1e-3  # share of the stopping distance: a smaller disc in E bounds nothing
 
 
 class Shape(ABC):
@@ -101,13 +100,10 @@ class Polygon(Shape):
 
 def shape_of(zone: GaugeZone) -> Shape | None:
     """The shape of a zone, or a polygon in it; None where it has no disc around 0 in it."""
-    if isinstance(zone, EllipseZone):
-        centre = zone.centre
-        if min(zone.lateral_ratio, zone.ahead if zone.behind is None else zone.behind) < LEAST_INSIDE:
-            return None
-        return Ellipse(zone.ahead - centre, zone.lateral_ratio, centre)
-    if zone.inscribed < LEAST_INSIDE:
+    if zone.inscribed < LEAST_INSCRIBED:
         return None
+    if isinstance(zone, EllipseZone):
+        return Ellipse(zone.ahead - zone.centre, zone.lateral_ratio, zone.centre)
     if isinstance(zone, PolygonZone):
         return Polygon(_anticlockwise(np.asarray(zone.vertices, dtype=float)))
     angle = np.linspace(-math.pi, math.pi, SIDES, endpoint=False)

@@ -21,7 +21,9 @@ from vnav_drake.braking import UniformBraking
 Array = NDArray[np.float64]
 
 ANGLES = 720  # at which an unknown shape is measured
-LEAST_INSCRIBED = 1e-3  # share of the stopping distance: a smaller disc inside says nothing about speeds
+# Share of the stopping distance: with a smaller disc inside nothing is said about speeds. 1e-3 is enough,
+# however it is rounded.
+LEAST_INSCRIBED = 0.999e-3
 
 
 @dataclass(frozen=True, kw_only=True)

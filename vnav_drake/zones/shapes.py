@@ -15,6 +15,7 @@ from vnav_drake.zones.convex_zone import GaugeZone
 
 Array = NDArray[np.float64]
 
+ROUNDING = 1e-12  # relative, that discs inside are taken smaller
 CONTAINS = 1e-12  # share of the stopping distance: what a polygon may lack of a point is rounding
 
 
@@ -83,7 +84,20 @@ class EllipseZone(GaugeZone):
 
     @cached_property
     def inscribed(self) -> float:
-        return min(self.ahead, self.lateral_ratio) if self.centre == 0.0 else self.measured_inscribed()
+        """Radius of the greatest disc around the centre in E.
+
+        Derived. The square of the distance of the boundary point (c + A C, B S) is c^2 + B^2 + 2 c A C + (A^2
+        - B^2) C^2 with C from -1 to 1. It is least at C = -c A / (A^2 - B^2) where that is within and A > B,
+        and there B^2 (1 - c^2 / (A^2 - B^2)); else at C = -1, the rear end.
+        """
+        centre, long, wide = self.centre, self.ahead - self.centre, self.lateral_ratio
+        if centre == 0.0:
+            return min(long, wide)
+        rear = self.ahead if self.behind is None else self.behind
+        bend = (long - wide) * (long + wide)
+        if bend <= 0.0 or centre * long >= bend:
+            return rear
+        return min(rear, wide * math.sqrt(1.0 - centre * centre / bend) * (1.0 - ROUNDING))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,6 +167,11 @@ class PolygonZone(GaugeZone):
     def _ring(self) -> Array:
         hull = shapely.geometry.polygon.orient(shapely.Polygon(self.vertices).convex_hull)
         return shapely.get_coordinates(hull)[:-1]
+
+    @cached_property
+    def inscribed(self) -> float:
+        """Distance of the nearest edge: between normals of edges h is concave, so it is least at one."""
+        return max(0.0, float(self.shape(self.kinks)[0].min()) * (1.0 - ROUNDING))
 
     def shape(self, angle: Array) -> tuple[Array, Array]:
         cos, sin = np.cos(angle)[..., None], np.sin(angle)[..., None]

@@ -73,15 +73,16 @@ def check_certificate(file: CertificateFile, question: Question, *, exact: bool 
     """
     limits = question.setting.limits
     asked = None if question.setting.isotropic else question.setting.zone
-    gauge = None if asked is None else zone_gauge(asked, limits)
-    length = asked is not None and gauge is None  # no speed follows from the zone: u measures lengths
-    exact = exact and gauge is None  # for all headings floating point with slack is what there is
+    # Lengths bound the time with any zone; that they are what u measures the file says.
+    length = asked is not None and file.lengths is not None and bool(file.lengths)
+    gauge = None if asked is None or length else zone_gauge(asked, limits)
+    exact = exact and (asked is None or length)  # for all headings floating point with slack is what there is
     bounded = limits if asked is None or not length else length_limits(asked, limits)
     faults = []
     if file.actual_digest() != file.digest.tobytes():
         faults.append("the digest is not that of the numbers: the file was changed after it was written")
     faults += question_faults(file, question)
-    faults += zone_faults(file, question.setting.zone, length=length)
+    faults += zone_faults(file, question.setting.zone, length=length, bounds=gauge is not None)
     comparable = len(file.features) == len(question.features.table)
     sheets = Sheets.of(file)
     tiling = check_tiling(file, question.features, sheets)
@@ -99,9 +100,9 @@ def check_certificate(file: CertificateFile, question: Question, *, exact: bool 
             rows = slice(first, first + CHUNK)
             corners = corners_of(file, tiling.side_edges, tiling.twice_area, rows)
             minorants = minorants_of(file, question.features, bounded, rows)
-            if gauge is None:
+            if asked is None or length:
                 slack[rows] = arithmetic.slack(corners, minorants)
-            elif file.contact is not None:
+            elif gauge is not None and file.contact is not None:
                 slack[rows] = headings.slack(corners, minorants, file.contact[rows], gauge)
         faults += _steep(file, slack)
     proven = Fraction(0)

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 CERTIFICATE = "certificate.npz"
 FORMAT = 1
-ZONE_FORMAT = 2  # with a zone that depends on the heading: two arrays more
+ZONE_FORMAT = 2  # with a zone that depends on the heading: three arrays more
 MOST_LATTICE = 2**40  # of lattice coordinates: differences and their sums are exact in doubles
 MOST_ORIGIN = 2**50  # of origin / unit: lattice points in metres are exact in doubles
 UNIT_POWERS = (-60, 20)  # least and greatest power of two of the unit [m]
@@ -58,7 +58,12 @@ _LAYOUT: Layout = {
     "travel_time": ("<f8", ()),
     "digest": ("|u1", (32,)),
 }
-_ZONE_LAYOUT: Layout = {**_LAYOUT, "contact": ("<f8", ("t", 3)), "zone": ("|u1", ("z",))}
+_ZONE_LAYOUT: Layout = {
+    **_LAYOUT,
+    "contact": ("<f8", ("t", 3)),
+    "zone": ("|u1", ("z",)),
+    "lengths": ("<i8", ()),
+}
 MOST_ZONE = 2**20  # bytes of text
 
 
@@ -89,6 +94,7 @@ class CertificateFile:
     law: Array  # (5,): radius [m], a_b [m/s^2], t_r [s], margin [m], v_max [m/s]
     travel_time: Array  # () [s], as claimed
     digest: NDArray[np.uint8]  # (32,)
+    lengths: NDArray[np.int64] | None = None  # (), with a zone: 1 where u measures lengths, 0 for times
     contact: Array | None = None  # (t, 3), at least zero: the place in each triangle where tangents touch
     zone: NDArray[np.uint8] | None = None  # (z,) text: type and parameters of the zone as JSON in UTF-8
 
@@ -177,6 +183,7 @@ def _number_faults(arrays: Mapping[str, NDArray[Any]]) -> list[str]:
     if "zone" in arrays:
         share = (arrays["contact"] >= 0.0) & (arrays["contact"] <= 2.0)
         demand("contact", share, "must be from 0 to 2")
+        demand("lengths", (arrays["lengths"] == 0) | (arrays["lengths"] == 1), "must be 0 or 1")
     vertices, triangles, features = (len(arrays[key]) for key in ("vertices", "triangles", "features"))
     for key in ("vertices", "box"):
         small = (arrays[key] <= MOST_LATTICE) & (arrays[key] >= -MOST_LATTICE)

@@ -44,12 +44,13 @@ def length_limits(asked: AskedZone, limits: Limits) -> Limits:
     return replace(limits, radius=narrow, margin=0.0, speed=1.0)
 
 
-def zone_faults(file: CertificateFile, asked: AskedZone | None, *, length: bool) -> list[str]:
+def zone_faults(file: CertificateFile, asked: AskedZone | None, *, length: bool, bounds: bool) -> list[str]:
     """Whether the certificate was made for the scenario's zone.
 
     Parameters
     ----------
-    length : nothing but the constant pace may bound u.
+    length : the file says that u measures lengths, so nothing but the constant pace may bound it.
+    bounds : whether speeds follow from the zone.
     """
     if asked is None or asked.isotropic:  # fields that stand for a disc: the bound is that of uniform braking
         faults = [] if file.zone is None else ["made for a braking zone; the scenario has uniform braking"]
@@ -61,8 +62,10 @@ def zone_faults(file: CertificateFile, asked: AskedZone | None, *, length: bool)
         parameters = dict(parameters["base"])
         kind = parameters.pop("type")
     faults = _fields_faults(asked)
+    if not length and not bounds:
+        faults.append(f"u is said to be a time, but no speed follows from the braking zone {kind}")
     if length and ((file.weight > 0.0) & (file.feature >= 0)).any():
-        faults.append(f"no feature limits the speed for every heading with the braking zone {kind}")
+        faults.append("u is said to be a length, but in some triangle features bound it")
     told = _told(file.zone.tobytes())
     if told.get("type") != kind:
         return [*faults, f"made for the braking zone {told.get('type')!a}; the scenario has {kind!a}"]

@@ -17,7 +17,9 @@ from verify.judge.zones.shapes import Box, Disc, Ellipse, Hull, Shape, Straight
 from verify.judge.zones.zone import FieldSet, GaugeZone, Zone
 
 SAME = 1e-9  # relative
-LEAST_INSCRIBED = 1e-3  # share of the stopping distance: a smaller disc in a zone says nothing about speeds
+# Share of the stopping distance: with a smaller disc inside nothing is said about speeds. 1e-3 is enough,
+# however it is rounded.
+LEAST_INSCRIBED = 0.999e-3
 MOST_AHEAD = 1.25  # an ellipse whose `ahead` is derived reaches no further
 TURNS = 4096  # of held arcs, at which that is derived for a centred ellipse
 TURNS_ONE_SIDED = 256  # and for others: part of what `ahead: null` means
