@@ -13,6 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from verify.field_stage import asks_for_fields, run_fields, write_fields
+from verify.judge.checks import Setting
+from verify.judge.motion import COLUMNS, Motion
+from verify.judge.zones.fields_file import judge_fields, read_fields
 from vnav_drake.braking import UniformBraking
 from vnav_drake.convex import ConvexPieces
 from vnav_drake.field_fitting import best_speeds, drive_fields, fit_fields, path_along, with_fields
@@ -106,8 +109,9 @@ def test_a_polygon_around_a_zone_holds_it_and_little_more(base):
     along = np.stack([np.cos(angle), np.sin(angle)])
     h, _, _ = base.support(angle, np.full(len(angle), 2.0))
     more = (ring @ along).max(axis=0) - h
-    # Between two tangents a boundary of radius of curvature r bulges by r (1 / cos(pi / n) - 1) at most; that is
-    # 2.5 m for the disc. The ellipse has semi-axes of 1.1 and 1 m, so 1.1^2 / 1 + 0.5 = 1.71 m, the others less.
+    # Between two tangents a boundary of radius of curvature r bulges by r (1 / cos(pi / n) - 1) at most;
+    # r is 2.5 m for the disc. The ellipse has semi-axes of 1.1 and 1 m, so 1.1^2 / 1 + 0.5 = 1.71 m, the
+    # others less.
     assert more.min() >= -1e-12
     assert more.max() <= 2.5 * 1.01 * (1.0 / math.cos(math.pi / TANGENTS) - 1.0)
 
@@ -331,14 +335,25 @@ def test_the_stage_tells_the_cost_of_its_fields():
     assert stage.problem.braking.max_speed == stage.field_set.max_speeds[-1]
 
 
+DWELLING = "{type: field_set, count: 6, dwell: 0.8, base: {type: protective_field}}"
+
+
 def test_a_dwell_of_the_scenario_keeps_each_field_that_long(tmp_path):
-    stage = staged("{type: field_set, count: 6, dwell: 0.8, base: {type: protective_field}}")
+    stage = staged(DWELLING)
     write_fields(tmp_path, stage)
     told = json.loads((tmp_path / "fields.json").read_text())
     assert (told["chosen_by"], told["dwell"]) == ("place", 0.8)
     stays = np.diff([switch["t"] for switch in told["switches"]][1:])
     assert len(stays) > 0
     assert np.all(stays >= 0.8 - 1e-9)
+    # and the judge, who recomputes what is watched and how far it is free, agrees
+    within = Setting.from_spec(parse_scenario((SCENARIO % DWELLING).encode(), "towards_a_wall.yaml").spec)
+    assert within.zone is not None
+    motion = Motion(*(getattr(stage.plan.trajectory, name) for name in COLUMNS))
+    check, figures = judge_fields(read_fields(tmp_path), within.zone, motion, within.features.table)
+    assert check.status == "passed", check.message
+    assert figures is not None
+    assert figures["switches"] == len(told["switches"]) - 1
 
 
 def test_fields_of_a_scenario_are_those_that_are_driven():
@@ -349,8 +364,8 @@ def test_fields_of_a_scenario_are_those_that_are_driven():
     )
     stage = staged(f"{{type: field_set, base: {{type: protective_field}}, fields: [{given_fields}]}}")
     motion = stage.plan.trajectory
-    # The second reaches 2.5 m ahead and touches the wall at x = 20 from x = 17.5 on, so it is left before that,
-    # at 1 m/s. The first reaches 1 m ahead and would touch the wall from x = 19 on, the goal.
+    # The second reaches 2.5 m ahead and touches the wall at x = 20 from x = 17.5 on, so it is left before
+    # that, at 1 m/s. The first reaches 1 m ahead and would touch the wall from x = 19 on, the goal.
     late = motion.x > 17.5 + 1e-9
     assert motion.v.max() == pytest.approx(2.0, rel=1e-5)
     assert motion.v[late].max() == pytest.approx(1.0, rel=1e-5)
