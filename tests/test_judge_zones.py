@@ -17,6 +17,7 @@ from verify.judge.checks import check_motion
 from verify.judge.zones import GaugeZone, ZoneError, least_arc_room, least_separation, separation
 from verify.judge.zones.asked import least_ahead
 from verify.judge.zones.fields import given_fields
+from verify.judge.zones.sampled import sampled_faults
 from verify.judge.zones.shapes import Box, Disc, Ellipse, Hull, Measured, Shape, Straight
 from verify.judge.zones.zone import FieldSet, ForeignZone
 from vnav_drake.scenario import ScenarioError
@@ -277,6 +278,43 @@ def test_the_room_of_held_arcs_is_that_of_their_ends():
     room = least_arc_room(sharp, gauge(Disc(1.0), Disc(0.4)), within.limits)
     assert room is not None
     assert room.proven == pytest.approx(0.0, abs=2e-8)
+
+
+@pytest.mark.parametrize("rows", [1, 3])
+def test_the_room_of_held_arcs_is_the_least_of_all_speeds_of_a_row(rows):
+    # A capsule with 0.05 m beside the robot, up to 1.9 m/s; beyond it, the disc of uniform braking, in which
+    # every arc stays. So 1.9 m/s is the worst, within the row from 0.2 to 2 m/s: with D = 1.9^2 / 2 and
+    # kappa = 0.4 the arc ends (1 - cos(kappa D)) / kappa aside.
+    def reach(angle, speed):
+        far = 0.5 * np.square(speed)
+        return 0.45 + far * np.where(speed > 1.9, 1.0, np.maximum(np.cos(angle), 0.0))
+
+    zone = ForeignZone(reach, np.array([-0.5 * math.pi, 0.5 * math.pi]))
+    speeds = np.sqrt(np.linspace(0.04, 4.0, rows + 1))
+    motion = arcs_motion((5.0, 2.0), 0.0, [(1.98 / rows, 0.4)] * rows, list(speeds))
+    found = least_arc_room(motion, zone, setting(robot={"radius": 0.4}).limits)
+    assert found is not None
+    room = 0.05 - (1.0 - math.cos(0.4 * 0.5 * 1.9**2)) / 0.4
+    assert room - 1e-6 <= found.proven <= room + 1e-9
+    assert found.attained == pytest.approx(room, abs=1e-6)
+
+
+def test_zones_of_plugins_are_looked_at_at_the_speeds_that_are_driven():
+    def growing(angle, speed):
+        return 0.5 + speed + 0.0 * angle
+
+    def shrinking(angle, speed):  # from 1.5 m/s on
+        return 0.5 + np.minimum(speed, 3.0 - speed) + 0.0 * angle
+
+    def dented(angle, speed):  # 1 + v + e + e cos 4a: h + h'' is 1 + v + e - 15 e at least, here -1.3
+        return 1.0 + 0.3 * (speed > 1.5) * (1.0 + np.cos(4.0 * angle)) + speed
+
+    for reach, words in ((growing, ()), (shrinking, ("shrinks",)), (dented, ("not convex",))):
+        zone = ForeignZone(reach, np.empty(0))
+        assert sampled_faults(zone, np.linspace(0.0, 1.4, 30)) == ()
+        faults = sampled_faults(zone, np.linspace(0.0, 1.9, 30))
+        assert all(any(word in fault for fault in faults) for word in words)
+        assert bool(faults) is bool(words)
 
 
 def test_an_ellipse_that_reaches_ahead_as_derived_holds_every_arc_up_to_the_turn_and_no_shorter_one_does():

@@ -19,7 +19,16 @@ from verify.judge.geometry import Surroundings
 from verify.judge.limits import Limits
 from verify.judge.motion import Motion
 from verify.judge.promises import ENDS, FIELD_PLAN, UNIFORM_PLAN, Promise, promise_of
-from verify.judge.zones import AskedZone, FieldSet, Zone, asked_zone, least_arc_room, least_separation
+from verify.judge.zones import (
+    AskedZone,
+    FieldSet,
+    ForeignZone,
+    Zone,
+    asked_zone,
+    least_arc_room,
+    least_separation,
+    sampled_faults,
+)
 
 Array = NDArray[np.float64]
 
@@ -145,6 +154,12 @@ def _braking_distance(motion: Motion, setting: Setting, zone: Zone | None) -> Ch
         return _uniform_distance(motion, setting, name="braking_distance")
     least = least_separation(motion, setting.features.table, zone)
     own = " (by the functions of the plugin)" if setting.zone is not None and setting.zone.plugin else ""
+    if isinstance(zone, ForeignZone):
+        faults = sampled_faults(zone, motion.v)
+        if faults:
+            text = f"the zone of the plugin cannot be judged at the speeds driven: {'; '.join(faults)}"
+            return finding("braking_distance", -1.0, "zone", _row_place(motion, 0), text)
+        own = " (by the functions of the plugin, nested and convex at sampled speeds and angles)"
     what = f"between the braking zone{own} and what stands in the way, at least"
     return _margin_finding("braking_distance", least, what)
 

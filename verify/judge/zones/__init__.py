@@ -7,13 +7,15 @@ else has.
 from verify.judge.zones.asked import AskedZone, asked_zone
 from verify.judge.zones.errors import ZoneError
 from verify.judge.zones.held import least_arc_room, outside
+from verify.judge.zones.sampled import sampled_faults
 from verify.judge.zones.separation import least_separation, separation
 from verify.judge.zones.shapes import Shape
-from verify.judge.zones.zone import FieldSet, GaugeZone, Zone
+from verify.judge.zones.zone import FieldSet, ForeignZone, GaugeZone, Zone
 
 __all__ = [
     "AskedZone",
     "FieldSet",
+    "ForeignZone",
     "GaugeZone",
     "Shape",
     "Zone",
@@ -22,5 +24,6 @@ __all__ = [
     "least_arc_room",
     "least_separation",
     "outside",
+    "sampled_faults",
     "separation",
 ]

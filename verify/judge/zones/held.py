@@ -20,6 +20,8 @@ from verify.judge.zones.zone import Zone
 Array = NDArray[np.float64]
 
 ROUNDS = 40  # of halving turns; a coarser (still proven) bound is returned beyond them
+SPEED_ROUNDS = 30  # the same of speeds, for zones of which only little is known
+MOST_PARTS = 4000  # ranges of speeds that are halved at once
 
 
 def outside(zone: Zone, radius: float, points: Array, speed: Array) -> Array:
@@ -79,37 +81,79 @@ def least_arc_room(motion: Motion, zone: Zone, limits: Limits) -> LeastMargin | 
 
     Notes
     -----
-    Derived. The centre is at s D P(s x) after the share s of the arc, x = kappa D. The positions at which the
-    disc is in the zone form a convex set that holds the origin, so with D P(y) for all y up to x all
-    s D P(s y) are in it. Which speeds within a row are the worst the zone says (`worst_speeds`). For a fixed
-    n the excess is n.D P(y) less what does not depend on y, so over turns from y0 to y1 its greatest over n
-    is at most the greater of its end values plus D (y1 - y0)^2 / 24. Parts of which that is not tight enough
-    are halved.
+    Derived. Which speeds within a row are the worst the zone says (`worst_speeds`). Zones do not shrink with
+    speed and an arc of one curvature is part of a longer one, so over a range of speeds no stop leaves more
+    than the arc of the greatest speed leaves the zone of the least. Ranges for which that is not tight enough
+    are halved, and so it is shown for all speeds of a row.
     """
     moving = np.flatnonzero(motion.moving)
     if not moving.size:
         return None
-    index, speed = zone.worst_speeds(motion.v[moving], motion.v[moving + 1])
+    index, low, high = zone.worst_speeds(motion.v[moving], motion.v[moving + 1])
     row = moving[index]
-    far = speed * limits.reaction_time + 0.5 * speed * speed / limits.braking
-    curvature = motion.curvature[row]
-    low, high = np.zeros(len(row)), far * curvature
+    shown = _worst(motion, zone, limits, row, low, high)
+    wide = high > low
+    best, at = (-math.inf, 0) if wide.all() else _most(np.where(wide, -math.inf, shown[1]), row)
+    proven = float(shown[0][~wide].max(initial=-math.inf))
+    row, low, high, upper = row[wide], low[wide], high[wide], shown[0][wide]
+    for speed in (low, high):
+        if len(row):
+            best, at = max((best, at), _most(_worst(motion, zone, limits, row, speed, speed)[1], row))
+    for _ in range(SPEED_ROUNDS):
+        open_parts = upper > max(best, 0.0) + RESOLUTION
+        proven = max(proven, float(upper[~open_parts].max(initial=-math.inf)))
+        row, low, high, upper = row[open_parts], low[open_parts], high[open_parts], upper[open_parts]
+        if not len(row) or len(row) > MOST_PARTS:
+            break
+        middle = 0.5 * (low + high)
+        best, at = max((best, at), _most(_worst(motion, zone, limits, row, middle, middle)[1], row))
+        row = np.concatenate([row, row])
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+        upper = _worst(motion, zone, limits, row, low, high)[0]
+    proven = max(proven, float(upper.max(initial=-math.inf)))
+    there = at + int(motion.v[at + 1] > motion.v[at])
+    t, x, y = (float(values[there]) for values in (motion.t, motion.x, motion.y))
+    return LeastMargin(proven=-max(proven, best), attained=-best, t=t, x=x, y=y)
+
+
+def _most(excess: Array, row: NDArray[np.int64]) -> tuple[float, int]:
+    """The greatest and its row."""
+    most = int(np.argmax(excess))
+    return float(excess[most]), int(row[most])
+
+
+def _worst(
+    motion: Motion, zone: Zone, limits: Limits, row: NDArray[np.int64], least: Array, most: Array
+) -> tuple[Array, Array]:
+    """How far arcs of the stops from speeds `most` leave the zones of speeds `least` [m/s], (n,) each.
+
+    Returns
+    -------
+    (n,) [m], an upper bound and what is attained; only the greatest of all bounds is tight.
+
+    Notes
+    -----
+    Derived. The centre is at s D P(s x) after the share s of the arc, x = kappa D. The positions at which the
+    disc is in the zone form a convex set that holds the origin, so with D P(y) for all y up to x all
+    s D P(s y) are in it. For a fixed n the excess is n.D P(y) less what does not depend on y, so over turns
+    from y0 to y1 its greatest over n is at most the greater of its end values plus D (y1 - y0)^2 / 24. Parts
+    of which that is not tight enough are halved.
+    """
+    far = most * limits.reaction_time + 0.5 * most * most / limits.braking
+    low, high = np.zeros(len(row)), far * motion.curvature[row]
     part = np.arange(len(row))
 
     def excess(which: NDArray[np.int64], turn: Array) -> Array:
         bend = np.divide(turn, far[which], out=np.zeros_like(turn), where=far[which] > 0.0)
-        return outside(zone, limits.radius, arc_point(far[which], bend), speed[which])
+        return outside(zone, limits.radius, arc_point(far[which], bend), least[which])
 
     at_low, at_high = excess(part, low), excess(part, high)
-    proven, best, worst_row = -math.inf, -math.inf, 0
+    bound, attained = np.full(len(row), -math.inf), np.full(len(row), -math.inf)
     for turn in range(ROUNDS):
-        for values in (at_low, at_high):
-            most = int(np.argmax(values))
-            if values[most] > best:
-                best, worst_row = float(values[most]), int(part[most])
+        np.maximum.at(attained, part, np.maximum(at_low, at_high))
         upper = np.maximum(at_low, at_high) + far[part] * (high - low) ** 2 / 24.0
-        open_parts = (upper > best + RESOLUTION) & (turn < ROUNDS - 1)
-        proven = max(proven, float(upper[~open_parts].max(initial=-math.inf)))
+        open_parts = (upper > attained.max() + RESOLUTION) & (turn < ROUNDS - 1)
+        np.maximum.at(bound, part[~open_parts], upper[~open_parts])
         if not open_parts.any():
             break
         part, low, high = part[open_parts], low[open_parts], high[open_parts]
@@ -121,7 +165,4 @@ def least_arc_room(motion: Motion, zone: Zone, limits: Limits) -> LeastMargin | 
         )
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
         part = np.concatenate([part, part])
-    there = int(row[worst_row])
-    there += int(motion.v[there + 1] > motion.v[there])
-    t, x, y = (float(values[there]) for values in (motion.t, motion.x, motion.y))
-    return LeastMargin(proven=-max(proven, best), attained=-best, t=t, x=x, y=y)
+    return bound, attained

@@ -63,15 +63,16 @@ class Zone(ABC):
         """Whether the bounds of `along` tend to the zone itself with the square of a piece's length."""
         return True
 
-    def worst_speeds(self, begin: Array, end: Array) -> tuple[NDArray[np.int64], Array]:
-        """Speeds [m/s] from `begin` to `end`, (n,) each, at which stops with the steering held are the worst.
+    def worst_speeds(self, begin: Array, end: Array) -> tuple[NDArray[np.int64], Array, Array]:
+        """Ranges of speeds [m/s] from `begin` to `end`, (n,) each, with all that are the worst to stop from.
+
+        That is, with the steering held.
 
         Returns
         -------
-        (m,) which of the n, and (m,) speeds: here of zones of which nothing is known but both ends.
+        (m,) which of the n, (m,) least and (m,) greatest speed: here the whole, as nothing more is known.
         """
-        index = np.arange(len(begin))
-        return np.concatenate([index, index]), np.concatenate([begin, end])
+        return np.arange(len(begin)), np.minimum(begin, end), np.maximum(begin, end)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +118,10 @@ class GaugeZone(Zone):
         bend = turn * turn * (body + np.maximum(far_begin, far_end) * reach) + 2.0 * turn * slope * reach
         return Pieces(begin, end, bend, self.reaction_time * reach * root_excess(begin, end))
 
-    def worst_speeds(self, begin: Array, end: Array) -> tuple[NDArray[np.int64], Array]:
+    def worst_speeds(self, begin: Array, end: Array) -> tuple[NDArray[np.int64], Array, Array]:
         """The greatest: beside the body the zone grows in proportion to D, and so do the ends of arcs."""
-        return np.arange(len(begin)), np.maximum(begin, end)
+        most = np.maximum(begin, end)
+        return np.arange(len(begin)), most, most
 
     def kinks(self, speed: Array) -> Array:
         own = np.concatenate([self.shape.kinks, self.body.kinks])
@@ -157,12 +159,13 @@ class FieldSet(Zone):
         fastest = np.maximum(begin, end)
         return Pieces(fastest, fastest, curvature**2 * self.extent(fastest), np.zeros_like(fastest))
 
-    def worst_speeds(self, begin: Array, end: Array) -> tuple[NDArray[np.int64], Array]:
+    def worst_speeds(self, begin: Array, end: Array) -> tuple[NDArray[np.int64], Array, Array]:
         """The greatest of each case: its field stays the same, and a shorter arc is part of a longer."""
         least, most = np.minimum(begin, end), np.maximum(begin, end)
         across = (least[:, None] < self.speeds) & (self.speeds < most[:, None])
         index, case = np.nonzero(across)
-        return np.concatenate([np.arange(len(most)), index]), np.concatenate([most, self.speeds[case]])
+        speed = np.concatenate([most, self.speeds[case]])
+        return np.concatenate([np.arange(len(most)), index]), speed, speed
 
     def kinks(self, speed: Array) -> Array:
         return np.asarray(self._kinks[self.case(speed)])
