@@ -15,7 +15,18 @@ MAX_LINES = 450
 
 # Inside vnav_drake, by the first name below the package. Problem modules may import each other;
 # geometry may import problem modules; methods both, and never each other.
-PROBLEM = ("robot", "braking", "zones", "world", "convex", "problem", "plan", "biarcs", "scenario*", "testing")
+PROBLEM = (
+    "robot",
+    "braking",
+    "zones",
+    "world",
+    "convex",
+    "problem",
+    "plan",
+    "biarcs",
+    "scenario*",
+    "testing",
+)
 SHARED = ("voronoi", "arcs", "homotopy", "speed_profile", "field_fitting")
 METHODS = ("voronoi_route", "collocation", "speed_graph", "vc_method", "dwa", "lower_bound")
 

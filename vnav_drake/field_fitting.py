@@ -184,8 +184,8 @@ def free_cases(problem: Problem, trajectory: Trajectory, field_set: FieldSet) ->
     if len(blocked) > 0:
         i = blocked[0]
         raise PlanningError(
-            f"the least field, of {least:.4g} m/s, is not free at ({rows.x[i]:.3f}, {rows.y[i]:.3f}) m, where "
-            f"at most {allowed[i]:.4g} m/s are safe"
+            f"the least field, of {least:.4g} m/s, is not free at ({rows.x[i]:.3f}, {rows.y[i]:.3f}) m, "
+            f"where at most {allowed[i]:.4g} m/s are safe"
         )
     return rows, free
 
