@@ -182,8 +182,14 @@ def bend_to_goal() -> Path:
 
 
 def test_the_full_robot_with_a_protective_field_is_faster_than_with_a_disc() -> None:
-    field = problem(ProtectiveField(law=LAW, radius=0.3), friction_reserve=True)
-    uniform = plan_full(replace(field, zone=None), bend_to_goal(), effort="quick")
+    """Straight between the block and the point, 0.4 m and more beside the robot: only a disc must slow down there."""
+    field = replace(
+        problem(ProtectiveField(law=LAW, radius=0.3), friction_reserve=True),
+        start=End(position=(1.0, 3.2), speed="rest"),
+        goal=End(position=(11.0, 3.2), speed="rest"),
+    )
+    straight = Path.polyline(np.array([(1.0, 3.2), (11.0, 3.2)]))
+    uniform = plan_full(replace(field, zone=None), straight, effort="quick")
     assert uniform.path is not None
     plan = plan_full(field, uniform.path, effort="quick")
     assert field.zone is not None
