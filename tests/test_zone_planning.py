@@ -182,7 +182,7 @@ def bend_to_goal() -> Path:
 
 
 def test_the_full_robot_with_a_protective_field_is_faster_than_with_a_disc() -> None:
-    """Straight between the block and the point, 0.4 m and more beside the robot: only a disc must slow down there."""
+    """Straight between the block and the point, 0.4 m beside the robot: only a disc must slow down."""
     field = replace(
         problem(ProtectiveField(law=LAW, radius=0.3), friction_reserve=True),
         start=End(position=(1.0, 3.2), speed="rest"),
