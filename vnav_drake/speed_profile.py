@@ -20,9 +20,7 @@ from numpy.typing import NDArray
 
 from vnav_drake.plan import Model, Path, Trajectory
 from vnav_drake.problem import PlanningError, Problem
-from vnav_drake.zones.convex_zone import GaugeZone
-from vnav_drake.zones.held_arc import PLAN_SHARE, TurnLimit
-from vnav_drake.zones.rows import RowLimits, row_limits
+from vnav_drake.zones.rows import RowLimits, held_arc_limit, row_limits
 
 Array = NDArray[np.float64]
 
@@ -218,12 +216,9 @@ def _reachable(square: float, step: float, bend: float, drive: float, grip: floa
 
 def _held_arcs(problem: Problem, bend: Array) -> Array:
     """Greatest v^2 (n,) at which the held arc of curvature `bend` stays in the zone, with the reserve."""
-    if not problem.friction_reserve or not isinstance(problem.zone, GaugeZone):
-        return np.full_like(bend, math.inf)
-    limit = TurnLimit.of(problem.zone, PLAN_SHARE)
+    limit, law = held_arc_limit(problem), problem.braking
     if limit is None:
         return np.full_like(bend, math.inf)
-    law = problem.zone.law
     return np.asarray(np.square(law.speed(np.minimum(limit.stopping_distance(bend), STRAIGHT) + law.margin)))
 
 

@@ -73,7 +73,7 @@ class _Trial:
     @cached_property
     def steps(self) -> Array:
         """Speeds [m/s] at which the zone says that it may jump."""
-        return np.asarray(getattr(self.zone, "steps", ()), dtype=float)
+        return np.asarray(self.zone.steps, dtype=float)
 
     @cached_property
     def speeds(self) -> Array:

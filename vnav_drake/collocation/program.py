@@ -18,7 +18,6 @@ from vnav_drake.collocation.mesh import Mesh
 from vnav_drake.collocation.transcription import Arcs, Transcription
 from vnav_drake.collocation.zone_blocks import (
     held_arc_block,
-    held_arc_limit,
     near_pairs,
     planned_zone,
     zone_block,
@@ -26,6 +25,7 @@ from vnav_drake.collocation.zone_blocks import (
 from vnav_drake.convex import ConvexPieces
 from vnav_drake.plan import Model
 from vnav_drake.problem import PlanningError, Problem
+from vnav_drake.zones.rows import held_arc_limit
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,6 @@ from vnav_drake.collocation.mesh import Mesh
 from vnav_drake.convex import ConvexPieces
 from vnav_drake.problem import Problem
 from vnav_drake.zones.convex_zone import ConvexZone, GaugeZone, WidenedZone
-from vnav_drake.zones.held_arc import PLAN_SHARE as PLAN_TURNS
 from vnav_drake.zones.held_arc import TurnLimit
 from vnav_drake.zones.touch import into_body, separation
 
@@ -22,6 +21,7 @@ Index = NDArray[np.int64]
 # A zone in which no disc lies may be entered suddenly, and speeds jump there: it is planned with this much
 # more all around [m], and this share of the stopping distance. The speeds in the end are those of the zone.
 PLAN_SPARE, PLAN_SHARE = 2e-3, 0.02
+LEAST_TURN = 1e-6  # [rad]: where no turn is allowed at all
 SWING = 0.3  # share of its length by which a zone may swing aside before it is looked at anew
 
 
@@ -103,13 +103,3 @@ def held_arc_block(
     cols = np.concatenate([part for end in (0, 1) for part in (k, k + 1, m + k + end, np.full(n, 2 * m))])
     one = np.ones(2 * n)
     return Block("held arc", variables, rows, cols, evaluate, -one, one)
-
-
-LEAST_TURN = 1e-6  # [rad]: where no turn is allowed at all
-
-
-def held_arc_limit(problem: Problem) -> TurnLimit | None:
-    """What held arcs ask for, where friction is kept in reserve and the zone is not wide enough for all."""
-    if not problem.friction_reserve or not isinstance(problem.zone, GaugeZone):
-        return None
-    return TurnLimit.of(problem.zone, PLAN_TURNS)

@@ -23,6 +23,7 @@ from vnav_drake.lower_bound.minorant import CAP, FURTHEST, Choice, Law, choose
 from vnav_drake.lower_bound.shape import Shape, body_radius, shape_of
 from vnav_drake.problem import Problem
 from vnav_drake.zones.convex_zone import ConvexZone, GaugeZone
+from vnav_drake.zones.touch import slope_zero
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -99,7 +100,7 @@ class ZoneLaw:
         return self.shape.gauge(cos * x + sin * y, cos * y - sin * x)
 
     def _touched(self, points: Array, far: Array, reach: Array, heading: Array) -> Array:
-        """Direction (n,) in which (n.p - reach) / h(n) is greatest (Illinois method, not to the end)."""
+        """Direction (n,) in which (n.p - reach) / h(n) is greatest (searched, not to the end)."""
         towards = np.arctan2(points[:, 1], points[:, 0])
         half = np.arccos(reach / far)
         body = towards - heading
@@ -108,24 +109,7 @@ class ZoneLaw:
             h, dh = self.shape.support(body + turn)
             return np.asarray(-far * np.sin(turn) * h - (far * np.cos(turn) - reach) * dh)
 
-        low, high = -half, half
-        at_low, at_high = slope(low), slope(high)
-        side = np.zeros(len(far))
-        turn = np.zeros(len(far))
-        for _ in range(STEPS):
-            spread = at_high - at_low
-            turn = np.where(
-                spread < 0.0, high - at_high * (high - low) / np.where(spread < 0.0, spread, 1.0), turn
-            )
-            turn = np.clip(turn, low, high)
-            here = slope(turn)
-            rises = here > 0.0
-            at_high = np.where(rises & (side > 0), 0.5 * at_high, at_high)
-            at_low = np.where(~rises & (side < 0), 0.5 * at_low, at_low)
-            low, at_low = np.where(rises, turn, low), np.where(rises, here, at_low)
-            high, at_high = np.where(rises, high, turn), np.where(rises, at_high, here)
-            side = np.where(rises, 1.0, -1.0)
-        return towards + turn
+        return towards + slope_zero(slope, -half, half, STEPS)
 
     def nearest(
         self, features: Features, points: Array, heading: Array, beyond: Array, count: int

@@ -54,6 +54,11 @@ class ConvexZone(ABC):
         """Angles [rad] where h is not differentiable; (k,)."""
         return np.empty(0)
 
+    @property
+    def steps(self) -> Array:
+        """Speeds [m/s] above which the zone jumps, where it grows in steps; (k,)."""
+        return np.empty(0)
+
     def inner_law(self) -> UniformBraking | None:
         """Uniform braking whose disc lies in the zone: with it nothing is slower. None if there is none."""
         return None

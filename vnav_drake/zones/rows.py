@@ -27,6 +27,7 @@ from vnav_drake.convex import ConvexPieces
 from vnav_drake.plan import Path
 from vnav_drake.problem import Problem
 from vnav_drake.zones.convex_zone import ConvexZone, GaugeZone
+from vnav_drake.zones.held_arc import PLAN_SHARE, TurnLimit
 from vnav_drake.zones.touch import into_body, separation, stopping_room
 
 Array = NDArray[np.float64]
@@ -50,6 +51,13 @@ def row_limits(problem: Problem, zone: ConvexZone, rows: Path) -> RowLimits:
     if isinstance(zone, GaugeZone):
         return GaugeRows.of(problem, zone, rows)
     return SteppedRows.of(problem, zone, rows)
+
+
+def held_arc_limit(problem: Problem) -> TurnLimit | None:
+    """What a plan's turns are held to, where friction is in reserve and the zone does not hold every arc."""
+    if not problem.friction_reserve or not isinstance(problem.zone, GaugeZone):
+        return None
+    return TurnLimit.of(problem.zone, PLAN_SHARE)
 
 
 @dataclass(frozen=True)
@@ -178,9 +186,8 @@ class SteppedRows:
 
         low, high = np.zeros(len(middle)), np.full(len(middle), fastest)
         low = np.where(free(high), high, low)
-        steps = np.asarray(getattr(zone, "steps", ()), dtype=float)
-        if len(steps):
-            for speed in np.sort(steps):
+        if len(zone.steps):
+            for speed in np.sort(zone.steps):
                 low = np.where(free(np.full(len(middle), speed)), np.maximum(low, speed), low)
             return cls(np.where(free(low), low, 0.0))
         for _ in range(SPEED_STEPS):

@@ -134,7 +134,7 @@ def _greatest(
     on_kink = (beside[:, 0] > 0.0) & (beside[:, 1] < 0.0)  # nothing is left to find
     low = np.where(on_kink | (beside[:, 1] > 0.0), angle, low)
     high = np.where(on_kink | (beside[:, 1] <= 0.0), angle, high)
-    found = _slope_zero(slope, low, high)
+    found = slope_zero(lambda here: slope(here[:, None])[:, 0], low, high)
     there = value(found[:, None])[:, 0]
     return np.where(there > most, found, angle), np.maximum(there, most)
 
@@ -163,18 +163,19 @@ def _directions(corners: Array) -> Array:
     return np.concatenate([normal, np.arctan2(foot[..., 1], foot[..., 0])], axis=1)
 
 
-def _slope_zero(slope: Callable[[Array], Array], low: Array, high: Array) -> Array:
-    """Angle (n,) in brackets where the slope changes from positive to negative (Illinois method).
+def slope_zero(slope: Callable[[Array], Array], low: Array, high: Array, steps: int = STEPS) -> Array:
+    """Angle (n,) in brackets where the slope, (n,) to (n,), changes from positive to negative.
 
-    Dowell and Jarratt 1971. Where the slope jumps it closes in on the jump.
+    Illinois method, Dowell and Jarratt 1971, with that many steps at most. Where the slope jumps it closes in
+    on the jump.
     """
-    at_low, at_high = slope(low[:, None])[:, 0], slope(high[:, None])[:, 0]
+    at_low, at_high = slope(low), slope(high)
     angle, side = 0.5 * (low + high), np.zeros(len(low))
-    for _ in range(STEPS):
+    for _ in range(steps):
         bracketed = (at_low > 0.0) & (at_high < 0.0)
         secant = high - at_high * (high - low) / np.where(bracketed, at_high - at_low, 1.0)
         new = np.clip(np.where(bracketed, secant, 0.5 * (low + high)), low, high)
-        here = slope(new[:, None])[:, 0]
+        here = slope(new)
         rises = here > 0.0
         at_high = np.where(rises & (side > 0), 0.5 * at_high, at_high)
         at_low = np.where(~rises & (side < 0), 0.5 * at_low, at_low)
