@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from markupsafe import Markup
@@ -10,10 +11,10 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from verify.report.curves import Curve, halo, label_curves
-from verify.report.figures_zone import Frame, frame_of, runs
+from verify.report.figures_zone import Frame, frame_of, framed, runs
 from verify.report.palette import HOLDING, INK, LIMIT, MUTED, RULE, Dash, method
 from verify.report.series import thinned
-from verify.report.svg import NARROW, WIDE, Picture, arrange, drawing_style, new_figure, to_svg
+from verify.report.svg import WIDE, Picture, arrange, new_figure, to_svg
 from verify.report.zone_along import KEYS, LIMITS, ZoneAlong
 from verify.report.zone_gain import Gain
 
@@ -57,11 +58,7 @@ def draw_gain(data: GainData) -> tuple[Picture, dict[str, Frame]]:
         f"{' below the greatest speed its zone allows' if limit_shown(along) else ''}."
         f"{gained} What holds it: {told}.",
     }
-    frames: dict[str, Frame] = {}
-    with drawing_style():
-        svg, frames["zone-gain"] = _panels(data, described, WIDE)
-        narrow, frames["zone-gain-narrow"] = _panels(data, {**described, "key": "zone-gain-narrow"}, NARROW)
-    return Picture(**described, svg=svg, narrow=narrow), frames
+    return framed(partial(_panels, data), described)
 
 
 def _panels(data: GainData, described: dict[str, str], width: float) -> tuple[Markup, Frame]:

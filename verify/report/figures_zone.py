@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from markupsafe import Markup
@@ -17,7 +18,7 @@ from verify.report.figures_map import draw_ends, draw_world, map_height, window_
 from verify.report.palette import CASING, HOLDING, INK, LIMIT, MUTED, method
 from verify.report.series import thinned_path
 from verify.report.speed_scale import speed_colours
-from verify.report.svg import NARROW, WIDE, Picture, arrange, drawing_style, new_axes, to_svg
+from verify.report.svg import WIDE, Picture, arrange, both_widths, new_axes, to_svg
 from verify.report.zone_along import KEYS, LIMITS, ZoneAlong, arc_points, gauge_of, held_arc_length, placed
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
@@ -87,13 +88,7 @@ def draw_shape(data: ShapeData) -> Picture:
         f"that is allowed at this speed ({bend:.3g} 1/m): {braking}. Dotted: the disc of uniform braking at "
         "the same speed."
     )
-    with drawing_style():
-        return Picture(
-            **described,
-            svg=_shape(data, described, WIDE),
-            narrow=_shape(data, {**described, "key": "zone-shape-narrow"}, NARROW),
-            caption=caption,
-        )
+    return both_widths(partial(_shape, data), described, caption=caption)
 
 
 def _shape(data: ShapeData, described: dict[str, str], width: float) -> Markup:
@@ -150,11 +145,7 @@ def draw_zone_map(data: ZoneMapData) -> tuple[Picture, dict[str, Frame]]:
         "description": f"The {data.subject} on the map with the outline of its braking zone at "
         f"{len(along.moments(MOMENTS))} instants, coloured by what holds its speed there: {held}.",
     }
-    frames: dict[str, Frame] = {}
-    with drawing_style():
-        svg, frames["zone-map"] = _map(data, described, WIDE)
-        narrow, frames["zone-map-narrow"] = _map(data, {**described, "key": "zone-map-narrow"}, NARROW)
-    return Picture(**described, svg=svg, narrow=narrow), frames
+    return framed(partial(_map, data), described)
 
 
 def _map(data: ZoneMapData, described: dict[str, str], width: float) -> tuple[Markup, Frame]:
@@ -197,6 +188,19 @@ def runs(values: NDArray[np.int64]) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(first, last, strict=True)]
 
 
+def framed(
+    draw: Callable[[dict[str, str], float], tuple[Markup, Frame]], described: dict[str, str]
+) -> tuple[Picture, dict[str, Frame]]:
+    """A picture for wide and for small screens, and where the axes of both lie, by key."""
+    frames: dict[str, Frame] = {}
+
+    def kept(told: dict[str, str], width: float) -> Markup:
+        svg, frames[told["key"]] = draw(told, width)
+        return svg
+
+    return both_widths(kept, described), frames
+
+
 def frame_of(axes: Axes) -> Frame:
     """How numbers become pixels of the picture, once everything is in its place: for the page's viewer."""
     box = axes.figure.figure.bbox
@@ -232,12 +236,7 @@ def draw_promise(problem: Problem, along: ZoneAlong, stops: Sequence[HeldStop]) 
         "description": f"{len(stops)} stops with the steering held as arcs on the map, {hits} of them end "
         f"in an obstacle{'; each with the disc of the robot at its end' if sized else ''}.",
     }
-    with drawing_style():
-        return Picture(
-            **described,
-            svg=_promise(problem, along, stops, described, WIDE),
-            narrow=_promise(problem, along, stops, {**described, "key": "zone-promise-narrow"}, NARROW),
-        )
+    return both_widths(partial(_promise, problem, along, stops), described)
 
 
 def _promise(

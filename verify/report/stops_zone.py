@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from verify.report.figures_map import draw_world, window_height
 from verify.report.numbers import count, number_in, seconds, with_unit
 from verify.report.palette import CASING, HOLDING, INK, LIMIT, STRAIGHTENED, method
 from verify.report.stops import StopPaths
-from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_axes, to_svg
+from verify.report.svg import WIDE, Picture, both_widths, new_axes, to_svg
 from verify.report.zone_along import placed
 from vnav_drake.problem import Problem
 from vnav_drake.zones.convex_zone import ConvexZone
@@ -116,12 +117,9 @@ def draw_stop_in_zone(problem: Problem, stops: StopPaths, claims: ClaimedZones) 
         f"{where}."
     ).replace("stays", "ends" if beyond > 0.0 else "stays")
     described = {"key": "stop-zone", "title": "Worst stop in the zone it claims", "description": told}
-    with drawing_style():
-        svg = _draw(problem, stops, claims, described, WIDE)
-        narrow = _draw(problem, stops, claims, {**described, "key": "stop-zone-narrow"}, NARROW)
     dashed = "; dashed: the robot every quarter of the way" if problem.robot.radius > 0.0 else ""
     caption = f"{told} Filled: the zone claimed{dashed}."
-    return [Picture(**described, svg=svg, narrow=narrow, caption=caption)]
+    return [both_widths(partial(_draw, problem, stops, claims), described, caption=caption)]
 
 
 def _draw(
