@@ -110,6 +110,19 @@ def test_place_of_the_tangents_is_only_a_choice(made, tmp_path):
     assert proof(arrays, tmp_path).travel_time <= HALL_TIME
 
 
+def beside_a_wall(points, limits) -> Minorants:
+    """What bounds 1/V on one triangle with a wall along y = 0."""
+    return Minorants(
+        points=points,
+        triangles=np.array([[0, 1, 2]]),
+        features=np.array([[-1e3, 0.0, 1e3, 0.0, 0.0]]),
+        feature=np.array([[0]]),
+        speed=np.array([[1e-6]]),
+        weight=np.ones((1, 1)),
+        limits=limits,
+    )
+
+
 def one_triangle(gradient: float, heading: float, speed: float = 2.0):
     """u = g.x on a triangle 1 m from a wall, with the distance 1 m at all corners to 1e-9."""
     points = np.array([[0.0, 1.0], [1e-9, 1.0], [0.0, 1.0 + 1e-9]])
@@ -124,16 +137,7 @@ def one_triangle(gradient: float, heading: float, speed: float = 2.0):
         unit=1e-9,
     )
     limits = question(robot={"radius": 0.0, "wheelbase": 0.1, "track": 0.1}).setting.limits
-    minorants = Minorants(
-        points=points,
-        triangles=np.array([[0, 1, 2]]),
-        features=np.array([[-1e3, 0.0, 1e3, 0.0, 0.0]]),
-        feature=np.array([[0]]),
-        speed=np.array([[1e-6]]),
-        weight=np.ones((1, 1)),
-        limits=limits,
-    )
-    return corners, minorants
+    return corners, beside_a_wall(points, limits)
 
 
 @pytest.mark.parametrize("heading", [-2.0, -1.1, -0.4, 0.3, 0.777, 1.3])
@@ -196,15 +200,7 @@ def test_tangent_touches_at_the_greatest_speed_where_the_place_is_beyond(place):
         )
         robot = {"radius": 0.0, "wheelbase": 0.1, "track": 0.1, "max_braking": 1.0, "max_speed": 1.5}
         braking = {"zone": ELLIPSE, "reaction_time": 0.5}
-        minorants = Minorants(
-            points=points,
-            triangles=np.array([[0, 1, 2]]),
-            features=np.array([[-1e3, 0.0, 1e3, 0.0, 0.0]]),
-            feature=np.array([[0]]),
-            speed=np.array([[1e-6]]),
-            weight=np.ones((1, 1)),
-            limits=question(robot=robot, braking=braking).setting.limits,
-        )
+        minorants = beside_a_wall(points, question(robot=robot, braking=braking).setting.limits)
         zone = ZoneGauge(EllipseGauge(0.0, 1.0, 1.0, 1.0), 0.0)
         return slack(corners, minorants, np.array([place]), zone).min()
 
