@@ -16,6 +16,7 @@ from verify.report.answer import answer, others
 from verify.report.bound import BoundMesh, read_bound
 from verify.report.drawings import SpeedGraphDrawing, VcDrawing
 from verify.report.evidence import Evidence, read_evidence
+from verify.report.explorer import explorer_sections
 from verify.report.figures_bound import draw_closing
 from verify.report.figures_cells import draw_cells
 from verify.report.figures_classes import draw_class_map, draw_class_speeds, draw_newton
@@ -141,6 +142,7 @@ def write_report(
         hollow=any(breaks(result, name) for name in story.travel_times(result)),
         subject=_subject(result, evidence),
         **_bound_sections(problem, result, evidence, folder),
+        **explorer_sections(problem, result, evidence, extras, along),
         map=_map(problem, result, evidence, extras, stuck),
         map_lines=[method(name) for name, _ in _map_lines(evidence)]
         + ([method("simulation")] if story.strayed(result) and evidence.simulation is not None else []),
