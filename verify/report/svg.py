@@ -99,6 +99,19 @@ def arrange(figure: Figure, *, final: bool = True) -> None:
         axes.apply_aspect()
 
 
+class Drawn(Markup):
+    """A drawing's text for the page, which still knows the figure it was made from."""
+
+    figure: Figure | None = None  # arranged; None of a text that was put together from others
+
+    @classmethod
+    def of(cls, text: str, figure: Figure) -> Drawn:
+        """The drawing of `figure`."""
+        drawn = cls(text)
+        drawn.figure = figure
+        return drawn
+
+
 @dataclass(frozen=True, kw_only=True)
 class Picture:
     """One finished figure for the page."""
@@ -125,7 +138,7 @@ def both_widths(
         )
 
 
-def to_svg(figure: Figure, *, key: str, title: str, description: str) -> Markup:
+def to_svg(figure: Figure, *, key: str, title: str, description: str) -> Drawn:
     """The figure as one `<svg role="img">` element. The same figure gives the same text."""
     buffer = io.StringIO()
     arrange(figure)  # which leaves no layout to do: that would draw everything once more to no end
@@ -161,7 +174,7 @@ def to_svg(figure: Figure, *, key: str, title: str, description: str) -> Markup:
         f'aria-labelledby="{key}-title {key}-desc" stroke-linejoin="round">'
         f'<title id="{key}-title">{escape(title)}</title><desc id="{key}-desc">{escape(description)}</desc>'
     )
-    return Markup(head + inside.strip())
+    return Drawn.of(head + inside.strip(), figure)
 
 
 def _attributes(match: re.Match[str]) -> str:
