@@ -266,7 +266,7 @@ def test_ends_and_named_gates_reach_the_scenario():
         ("simulation: {model: null, stops: null, studies: null}", "four_wheel", 200, True),
         ("simulation: {model: both, stops: 0, studies: false}", "both", 0, False),
         ("simulation: {model: single_track, stops: 2000}", "single_track", 2000, True),
-        ("plan: {effort: quick}", "four_wheel", 50, False),
+        ("plan: {effort: quick}", "four_wheel", 20, False),
         ("plan: {effort: quick}\nsimulation: {stops: 7, studies: true}", "four_wheel", 7, True),
     ],
 )

@@ -15,7 +15,7 @@ from vnav_drake.scenario_spec import ScenarioSpec
 from vnav_drake.scenario_zone_checks import fastest_anywhere
 from vnav_drake.zones.convex_zone import ConvexZone
 
-STOPS, QUICK_STOPS = 200, 50  # instants of the emergency-stop audit unless the file says otherwise
+STOPS, QUICK_STOPS = 200, 20  # instants of the emergency-stop audit unless the file says otherwise
 # Wheels sink in under the load, by a thousandth of the wheelbase: a centre of mass 250 wheelbases up, or
 # 250 track^2 / wheelbase, would fall over where it stands. At a tenth of that it tips 10 % early.
 MOST_HEIGHT = 25.0

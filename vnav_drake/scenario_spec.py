@@ -251,7 +251,7 @@ class SimulationSpec(Section):
         default=None,
         ge=0,
         le=2000,
-        description="Instants of the emergency-stop audit, two stops each; 0: none; null: 200, or 50 with "
+        description="Instants of the emergency-stop audit, two stops each; 0: none; null: 200, or 20 with "
         "plan.effort quick.",
     )
     studies: bool | None = Field(
