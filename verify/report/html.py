@@ -9,18 +9,20 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from verify.atomic import replace_file
 from verify.report.palette import css_variables
 from verify.report.text import plain, visible
 
+LIBRARY = "bokeh.min.js"  # of linked views: Bokeh's own file, as installed
+
 
 @cache
 def _environment() -> Environment:
     environment = Environment(
-        loader=PackageLoader("verify.report"),
+        loader=ChoiceLoader([PackageLoader("verify.report"), PackageLoader("bokeh", "server/static/js")]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -48,9 +50,13 @@ def script(name: str) -> str:
     return environment.loader.get_source(environment, name)[0]  # type: ignore[union-attr]
 
 
-def content_policy(scripts: Sequence[str] = ()) -> str:
-    """Nothing may be loaded or run, but our own style sheet and `scripts`, each known by its hash."""
-    own = f"style-src {_digest(stylesheet())}; img-src data:; base-uri 'none'; form-action 'none'"
+def content_policy(scripts: Sequence[str] = (), *, inline_styles: bool = False) -> str:
+    """Nothing may be loaded or run, but our own style sheet and `scripts`, each known by its hash.
+
+    With `inline_styles` any style in the page holds, as Bokeh writes its own while it runs.
+    """
+    styles = "'unsafe-inline'" if inline_styles else _digest(stylesheet())
+    own = f"style-src {styles}; img-src data:; base-uri 'none'; form-action 'none'"
     run = "".join(f" {_digest(text)}" for text in scripts)
     return f"default-src 'none'; {f'script-src{run}; ' if run else ''}{own}"
 
@@ -63,7 +69,8 @@ def render(template: str, *, scripts: Sequence[str] = (), **values: Any) -> str:
     """A page from its template, with our own `scripts`. All values are escaped except our own drawings."""
     style, texts = Markup(stylesheet()), [script(name) for name in scripts]
     page = _environment().get_template(template)
-    known = {"style": style, "scripts": [Markup(text) for text in texts], "policy": content_policy(texts)}
+    policy = content_policy(texts, inline_styles=LIBRARY in scripts)
+    known = {"style": style, "scripts": [Markup(text) for text in texts], "policy": policy}
     return page.render(**known, **values) + "\n"
 
 

@@ -16,7 +16,7 @@ from verify.report.answer import answer, others
 from verify.report.bound import BoundMesh, read_bound
 from verify.report.drawings import SpeedGraphDrawing, VcDrawing
 from verify.report.evidence import Evidence, read_evidence
-from verify.report.explorer import explorer_sections
+from verify.report.explorer import explorer_scripts, explorer_sections
 from verify.report.figures_bound import draw_closing
 from verify.report.figures_cells import draw_cells
 from verify.report.figures_classes import draw_class_map, draw_class_speeds, draw_newton
@@ -99,9 +99,16 @@ def write_report(
     stuck = [*stuck_runs(result), *([] if lost is None else [lost])]
     rest = problem.start.speed != "safe" or problem.goal.speed != "safe"
     along = motion_zone(problem, result, evidence)
+    unproven = bound_story(result).missing
+    certificate = (None, unproven) if unproven else read_bound(folder)
+    linked = explorer_sections(problem, result, evidence, extras, along, certificate)
     text = render(
         "report.html",
-        scripts=[*([] if extras.vc_method is None else [VIEWER]), *([] if along is None else [ZONE_VIEWER])],
+        scripts=[
+            *explorer_scripts(linked),
+            *([] if extras.vc_method is None else [VIEWER]),
+            *([] if along is None else [ZONE_VIEWER]),
+        ],
         name=scenario.name,
         description=scenario.description,
         verdict=story.verdict(result),
@@ -141,8 +148,8 @@ def write_report(
         executed=story.is_executed(result),
         hollow=any(breaks(result, name) for name in story.travel_times(result)),
         subject=_subject(result, evidence),
-        **_bound_sections(problem, result, evidence, folder),
-        **explorer_sections(problem, result, evidence, extras, along),
+        **_bound_sections(problem, result, evidence, certificate),
+        **linked,
         map=_map(problem, result, evidence, extras, stuck),
         map_lines=[method(name) for name, _ in _map_lines(evidence)]
         + ([method("simulation")] if story.strayed(result) and evidence.simulation is not None else []),
@@ -330,10 +337,13 @@ def _vc_sections(problem: Problem, drawing: VcDrawing | None) -> dict[str, Secti
 
 
 def _bound_sections(
-    problem: Problem, result: Mapping[str, Any], evidence: Evidence, folder: Path
+    problem: Problem,
+    result: Mapping[str, Any],
+    evidence: Evidence,
+    certificate: tuple[BoundMesh | None, str],
 ) -> dict[str, BoundStory | Section]:
     told, curves = bound_story(result), closing(result)
-    mesh, reason = (None, "") if told.missing else read_bound(folder)
+    mesh, reason = (None, "") if told.missing else certificate
     drawn: Sequence[Picture] = ()
     if mesh is not None:
         drawn = _bound_maps(problem, mesh, result, evidence)
