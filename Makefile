@@ -83,5 +83,5 @@ figures: $(STAMP)
 
 clean:
 	rm -rf "$(VENV)" build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
-	find reports -mindepth 1 ! -name .gitkeep -delete
+	find reports -mindepth 1 ! -name .gitkeep ! -name baseline.json -delete
 	find vnav_drake systems verify tests benchmarks -name __pycache__ -prune -exec rm -rf {} +

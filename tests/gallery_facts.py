@@ -6,19 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
+from gallery_runs import FEW, NAMES, WHOLE
 
 from systems.margins import MOST_FACTOR, OVER, analytic_demand, over_the_limit
-from verify.cli import run
 from verify.evidence import read_result
-from verify.recheck import check_folder
 from vnav_drake.plan import Trajectory
 from vnav_drake.scenario import load_scenario
-
-ROOT = Path(__file__).resolve().parents[1]
-# Run as it is; the others with fewer emergency stops, and without studies of what the vehicle can bear.
-WHOLE = {"warehouse"}
-FEW = {"stops": 12, "studies": False}
 
 # Exact: cycloid along a wall (derived in test_collocation.py), straight line in the square-root plane,
 # L / sqrt(2 a (W - rho)) with L = 30, W - rho = 1.5 (see the file). Intervals: a certified lower bound and
@@ -58,30 +51,15 @@ WAREHOUSES = {"warehouse": 1.0, "warehouse_rest": 1.0, "warehouse_slippery": 1.0
 ZONED = {"corridor_ellipse", "corridor_field", "turning_field", "warehouse_field"}
 
 
-def files(*, of_the_warehouse: bool) -> list[Path]:
-    """The scenario files with uniform braking in the warehouse, or all others of them."""
-    every = sorted((ROOT / "scenarios").glob("*.yaml"))
-    plain = [file for file in every if file.stem not in ZONED]
-    return [file for file in plain if file.stem.startswith("warehouse") == of_the_warehouse]
+def names(*, of_the_warehouse: bool) -> list[str]:
+    """The scenarios with uniform braking in the warehouse, or all others of them."""
+    plain = [name for name in NAMES if name not in ZONED]
+    return [name for name in plain if name.startswith("warehouse") == of_the_warehouse]
 
 
 def read_motion(file: Path) -> Trajectory:
     """The motion of a trajectory file."""
     return Trajectory(*np.loadtxt(file, delimiter=",", skiprows=1, unpack=True))
-
-
-def verified(file: Path, place: Path) -> Path:
-    """The folder of a run that passes and that `verify check` confirms."""
-    asked = file
-    if file.stem not in WHOLE:
-        question = yaml.safe_load(file.read_text())
-        question["simulation"] = question.get("simulation", {}) | FEW
-        asked = place / file.name
-        asked.write_text(yaml.safe_dump(question))
-    assert run([str(asked), "--out", str(place / "reports"), "--quiet"]) == 0
-    folder = place / "reports" / file.stem
-    assert check_folder(folder, quiet=True) == 0
-    return folder
 
 
 class GalleryFacts:

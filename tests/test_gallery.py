@@ -1,12 +1,13 @@
 """Every scenario of the gallery but those in the warehouse, from the file to the verdict."""
 
 import pytest
-from gallery_facts import GalleryFacts, files, verified
+from gallery_facts import GalleryFacts, names
+from gallery_runs import verified
 
 
-@pytest.fixture(scope="module", params=files(of_the_warehouse=False), ids=lambda file: file.stem)
+@pytest.fixture(scope="module", params=names(of_the_warehouse=False))
 def folder(request, tmp_path_factory):
-    return verified(request.param, tmp_path_factory.mktemp("gallery"))
+    return verified(request.param, tmp_path_factory)
 
 
 class TestGallery(GalleryFacts):

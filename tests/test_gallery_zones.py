@@ -6,20 +6,20 @@ from typing import Any
 
 import pytest
 import yaml
-from gallery_facts import FEW, ROOT, ZONED, read_motion, verified
+from gallery_facts import ZONED, read_motion
+from gallery_runs import FEW, ROOT, verified
 
 from verify.evidence import read_result
 
-FILES = [ROOT / "scenarios" / f"{name}.yaml" for name in sorted(ZONED)]
 # Exact, derived in the files: 12 m at sqrt(2 a (W - rho) / beta) between the walls; 20 m from rest to rest at
 # most at 2.5 m/s and 1 m/s^2. With uniform braking beta = 1.
 EXACT = {"corridor_ellipse": 12.0 / math.sqrt(2.0 * 0.6 / 0.5), "corridor_field": 20.0 / 2.5 + 2.5}
 UNIFORM = {"corridor_ellipse": 12.0 / math.sqrt(2.0 * 0.6)}
 
 
-@pytest.fixture(scope="module", params=FILES, ids=lambda file: file.stem)
+@pytest.fixture(scope="module", params=sorted(ZONED))
 def folder(request, tmp_path_factory):
-    return verified(request.param, tmp_path_factory.mktemp("gallery"))
+    return verified(request.param, tmp_path_factory)
 
 
 @pytest.fixture
@@ -69,5 +69,6 @@ def test_fields_cost_little_and_are_kept(result, folder):
 
 
 def test_together_they_stop_a_thousand_times():
-    stops = [yaml.safe_load(file.read_text())["simulation"]["stops"] for file in FILES]
+    files = [ROOT / "scenarios" / f"{name}.yaml" for name in ZONED]
+    stops = [yaml.safe_load(file.read_text())["simulation"]["stops"] for file in files]
     assert 2 * sum(stops) >= 1000  # two at each instant
