@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+from verify.cases import cases
 from verify.judge import Judgement
 
 # Characters that XML 1.0 cannot hold at all.
 _ILLEGAL = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+_TAGS = {"passed": "", "failed": "failure", "skipped": "skipped", "error": "error"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,25 +42,13 @@ def _suite(suite: Suite) -> ElementTree.Element:
     element = ElementTree.Element("testsuite", name=_text(suite.name))
     if suite.error:
         _case(element, suite, "scenario", "error", suite.error)
-    for entry in suite.missing:
-        _case(element, suite, entry.partition(":")[0], "error", entry)
     if suite.judgement is not None:
-        judgement = suite.judgement
-        for gate in judgement.gates:
-            if gate.passed is None:
-                kind = "failure" if gate.named else "skipped"
-                _case(element, suite, gate.name, kind, gate.reason)
-            else:
-                text = f"value {gate.value!r}, limit {gate.limit!r}"
-                _case(element, suite, gate.name, "" if gate.passed else "failure", text)
-        broken = [f"{c.name} of {c.trajectory}: {c.message}" for c in judgement.failing_checks]
-        good = judgement.verdict != "failed" and not broken
-        text = "\n".join([*judgement.reasons, *broken])
-        _case(element, suite, "verdict", "" if good else "failure", text or judgement.verdict)
-    cases = list(element)
-    element.set("tests", str(len(cases)))
+        for case in cases(suite.judgement, suite.missing):
+            _case(element, suite, case.name, _TAGS[case.status], case.text)
+    found = list(element)
+    element.set("tests", str(len(found)))
     for count, tag in (("failures", "failure"), ("errors", "error"), ("skipped", "skipped")):
-        element.set(count, str(sum(case.find(tag) is not None for case in cases)))
+        element.set(count, str(sum(case.find(tag) is not None for case in found)))
     return element
 
 
