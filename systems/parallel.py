@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import TypeVar
@@ -35,8 +36,7 @@ def in_parallel(
 ) -> list[T]:
     """`work(*task)` for every task, in their order; `finished` is told how many are done, now and then.
 
-    With one worker all happens in this process. Otherwise `work`, tasks and answers must be picklable, and a
-    script that calls this must guard its main part, as `multiprocessing` asks. What `finished` raises ends
+    With one worker all happens in this process, otherwise as in `as_finished`. What `finished` raises ends
     the workers.
 
     Raises
@@ -49,19 +49,37 @@ def in_parallel(
             finished(len(alone))
             alone.append(work(*task))
         return alone
+    answers: dict[int, T] = {}
+    with contextlib.closing(as_finished(work, tasks, workers)) as rounds:
+        for found in rounds:
+            answers |= found
+            finished(len(answers))
+    return [answers[number] for number in range(len(tasks))]
+
+
+def as_finished(
+    work: Callable[..., T], tasks: Sequence[tuple[object, ...]], workers: int
+) -> Generator[dict[int, T], None, None]:
+    """Runs `work(*task)` in processes; gives the answers that came since it was last asked, by task number.
+
+    Asked again it waits at most `GLANCE`, so what it gives may be empty. `work`, tasks and answers must be
+    picklable, and a script that calls this must guard its main part, as `multiprocessing` asks. When it is
+    closed the workers end at once.
+
+    Raises
+    ------
+    What `work` raises; WorkerError when a process is killed.
+    """
     # Threads of this process (a progress bar, say) forbid to fork it.
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(min(workers, len(tasks)), mp_context=context, initializer=_begin_worker)
     before = set(multiprocessing.active_children())
     try:
-        futures = [pool.submit(work, *task) for task in tasks]
-        pending = set(futures)
+        number = {pool.submit(work, *task): i for i, task in enumerate(tasks)}
+        pending = set(number)
         while pending:
             done, pending = wait(pending, GLANCE, FIRST_COMPLETED)
-            for future in done:
-                future.result()
-            finished(len(futures) - len(pending))
-        answers = [future.result() for future in futures]
+            yield {number[future]: future.result() for future in done}
     except BaseException as error:  # whatever it is, and Ctrl-C too, ends the workers at once
         for child in set(multiprocessing.active_children()) - before:
             child.terminate()
@@ -70,7 +88,6 @@ def in_parallel(
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
-    return answers
 
 
 def _begin_worker() -> None:
