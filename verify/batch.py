@@ -1,17 +1,19 @@
-"""Run scenario files one after the other; one that fails does not stop the others."""
+"""Run scenario files; one that fails does not stop the others."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 import webbrowser
 from pathlib import Path
 
 from verify.atomic import OutputError, replace_file, usable_folder
-from verify.attempt import Attempt, attempt, load
+from verify.attempt import Attempt, load
 from verify.exit_codes import BAD_INPUT, OK, UNFINISHED
 from verify.junit import Suite, write_junit
 from verify.progress import Progress
+from verify.side_by_side import attempts
 from verify.summary import details, failures, headline
 from vnav_drake.scenario import Scenario, ScenarioError
 from vnav_drake.zones.errors import PluginError
@@ -31,10 +33,22 @@ def run_files(options: argparse.Namespace) -> int:
     if scenarios:
         usable_folder(options.out)
     with Progress(quiet=options.quiet) as progress:
-        for scenario in scenarios:
-            code, suite = _run_one(scenario, options, progress)
-            worst = max(worst, code)
-            suites.append(suite)
+        runs = attempts(
+            scenarios,
+            options.out,
+            dict(options.gate),
+            progress.say,
+            jobs=options.jobs,
+            plugins=options.plugin,
+        )
+        with contextlib.closing(runs):
+            for done in runs:
+                with progress.paused():
+                    _tell(done, options)
+                if options.open and done.outcome is not None:
+                    webbrowser.open(done.outcome.report.absolute().as_uri())
+                worst = max(worst, done.exit_code)
+                suites.append(_suite(done))
     if options.junit is not None:
         replace_file(options.junit.absolute(), lambda aside: write_junit(aside, suites))
     return worst
@@ -58,15 +72,10 @@ def _load(files: list[Path]) -> tuple[list[Scenario], list[Suite]]:
     return scenarios, suites
 
 
-def _run_one(scenario: Scenario, options: argparse.Namespace, progress: Progress) -> tuple[int, Suite]:
-    done = attempt(scenario, options.out, dict(options.gate), progress.say)
-    with progress.paused():
-        _tell(done, options)
+def _suite(done: Attempt) -> Suite:
     if done.outcome is None:
-        return done.exit_code, Suite(name=done.name, error=done.error)
-    if options.open:
-        webbrowser.open(done.outcome.report.absolute().as_uri())
-    return done.exit_code, Suite(name=done.name, judgement=done.outcome.judgement, missing=done.unfinished)
+        return Suite(name=done.name, error=done.error)
+    return Suite(name=done.name, judgement=done.outcome.judgement, missing=done.unfinished)
 
 
 def _tell(done: Attempt, options: argparse.Namespace) -> None:

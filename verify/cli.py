@@ -83,6 +83,9 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     _add_gate(parser, f"override a gate's limit; gates: {', '.join(_gate_names())}")
     _add_plugin(parser)
     parser.add_argument("--junit", type=Path, metavar="FILE", help="also write the gates as JUnit XML")
+    parser.add_argument(
+        "--jobs", type=_jobs, default=1, metavar="N", help="scenarios that run at once (default: 1)"
+    )
     loudness = parser.add_mutually_exclusive_group()
     loudness.add_argument("--quiet", action="store_true", help="print only what failed")
     loudness.add_argument("--verbose", action="store_true", help="print every gate and check")
@@ -117,6 +120,12 @@ def _gate(text: str) -> tuple[str, float]:
     if not math.isfinite(value) or value < 0.0:
         raise argparse.ArgumentTypeError(f"{text!r}: the limit must be a finite number, at least 0")
     return name, value
+
+
+def _jobs(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number, at least 1")
+    return int(text)
 
 
 def _check(arguments: Sequence[str]) -> int:
