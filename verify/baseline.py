@@ -1,0 +1,260 @@
+"""A run beside the stored one: what is worse beyond its tolerance, what is better, what is gone."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from verify.baseline_file import DIGITS, Baseline, Entry, spread
+from verify.cases import Case
+from verify.metrics import Kind, Metric
+from vnav_drake.scenario import Scenario
+
+# Which figures a case of the baseline is about.
+CASES: Mapping[str, tuple[Kind, ...]] = {
+    "baseline_travel_times": ("travel_time",),
+    "baseline_gaps": ("bound", "gap"),
+    "baseline_margins": ("margin", "count"),
+    "baseline_compute_times": ("compute_time",),
+}
+ABOUT_RUN = "baseline_run"
+REMEDY = "--update-baseline stores this run"
+_RANK = {"failed": 0, "refined": 1, "certified": 2}
+
+Movement = Literal["worse", "better", "same", "missing", "new", "not_compared"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """What is compared of a run."""
+
+    scenario: str
+    question: str  # as from `question_of`
+    effort: Literal["quick", "full"]
+    verdict: str
+    metrics: tuple[Metric, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """One figure beside the stored one."""
+
+    name: str
+    kind: Kind
+    unit: str
+    movement: Movement
+    value: float | None = None  # of this run
+    was: float | None = None  # stored
+    allowed: float | None = None  # the worst value that passes
+
+    @property
+    def bad(self) -> bool:
+        """Whether the baseline does not hold."""
+        return self.movement in ("worse", "missing")
+
+    @property
+    def line(self) -> str:
+        """In words, as for standard output."""
+        digits = self._digits()
+        unit = f" {self.unit}" if self.unit else ""
+        value, was, allowed = (
+            "none" if number is None else f"{number:.{digits}g}{unit}"
+            for number in (self.value, self.was, self.allowed)
+        )
+        words = {
+            "worse": f"{value}, was {was}, allowed {allowed}",
+            "better": f"{value}, was {was}, better",
+            "same": f"{value}, was {was}",
+            "missing": f"none, was {was}",
+            "new": f"{value}, not in the baseline",
+            "not_compared": f"{value}, was {was}, not compared",
+        }
+        return f"baseline {self.name}: {words[self.movement]}"
+
+    def _digits(self) -> int:
+        """Significant digits that show a difference where there is one."""
+        numbers = [n for n in (self.value, self.was, self.allowed) if n is not None]
+        differ = len(set(numbers))
+        return next((n for n in range(5, 17) if len({f"{x:.{n}g}" for x in numbers}) == differ), 17)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """One run beside the baseline."""
+
+    scenario: str
+    faults: tuple[str, ...] = ()  # of the run as a whole
+    notes: tuple[str, ...] = ()
+    figures: tuple[Figure, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Nothing is worse, nothing is gone, and the same was asked."""
+        return not self.faults and not any(figure.bad for figure in self.figures)
+
+    @property
+    def failures(self) -> list[str]:
+        """One line for each thing that does not hold."""
+        return [*_about_run(self.faults), *(figure.line for figure in self.figures if figure.bad)]
+
+    @property
+    def remarks(self) -> list[str]:
+        """One line for each thing that is better, new or was not compared."""
+        told = ("better", "new")
+        return [*_about_run(self.notes), *(f.line for f in self.figures if f.movement in told)]
+
+    @property
+    def cases(self) -> tuple[Case, ...]:
+        """One for the run as a whole, then one a kind of figure; without figures there is only the first."""
+        whole = Case(
+            name=ABOUT_RUN,
+            status="failed" if self.faults else "passed",
+            text="\n".join((*self.faults, *self.notes)) or "the same question and verdict",
+        )
+        if not self.figures:
+            return (whole,)
+        return (whole, *(_case(name, kinds, self.figures) for name, kinds in CASES.items()))
+
+
+def _about_run(texts: Iterable[str]) -> Iterator[str]:
+    return (f"baseline: {text}" for text in texts)
+
+
+def _case(name: str, kinds: Sequence[Kind], figures: Sequence[Figure]) -> Case:
+    own = [figure for figure in figures if figure.kind in kinds]
+    compared = [figure for figure in own if figure.movement != "not_compared"]
+    bad = [figure.line for figure in own if figure.bad]
+    if bad:
+        return Case(name=name, status="failed", text="\n".join(bad))
+    if not any(figure.movement in ("better", "same") for figure in compared):
+        return Case(name=name, status="skipped", text="no figure of these was compared")
+    moved = [figure.line for figure in compared if figure.movement != "same"]
+    count = sum(figure.movement in ("better", "same") for figure in compared)
+    words = f"{count} figure{'s' if count > 1 else ''} within tolerance"
+    return Case(name=name, status="passed", text="\n".join((words, *moved)))
+
+
+def question_of(scenario: Scenario) -> str:
+    """SHA-256 of what is asked: without how long to search for it, limits of gates, and texts for people.
+
+    Keys that have their default value do not count either: a file that leaves them out asks the same.
+    """
+    asked = scenario.spec.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    for key in ("name", "description", "gates"):
+        asked.pop(key, None)
+    plan = asked.get("plan", {})
+    plan.pop("effort", None)
+    if not plan:
+        asked.pop("plan", None)
+    text = json.dumps(asked, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def entry(run: Run) -> Entry:
+    """What a baseline keeps of a run whose verdict is not `failed`."""
+    return Entry.model_validate(
+        {
+            "question": run.question,
+            "effort": run.effort,
+            "verdict": run.verdict,
+            "metrics": {metric.name: stored_number(metric.value) for metric in run.metrics},
+        }
+    )
+
+
+def stored_number(value: float) -> float:
+    """As a baseline keeps it, rounded to ten significant digits."""
+    return float(f"{value:.{DIGITS}g}")
+
+
+def compare(baseline: Baseline, run: Run) -> Comparison:
+    """The run beside the stored one of the same scenario.
+
+    A figure fails when it is worse than the stored one by more than its tolerance, and when the stored
+    run has it and this one has not. Without a stored run, or when something else was asked then, nothing
+    can be compared and that fails. With another effort than the stored run's, compute times are not
+    compared and tolerances for that hold.
+    """
+    stored = baseline.scenarios.get(run.scenario)
+    if stored is None:
+        return Comparison(scenario=run.scenario, faults=(f"{run.scenario} is not in the baseline; {REMEDY}",))
+    if stored.question != run.question:
+        text = f"{run.scenario}: the stored run answers another question: the scenario was changed; {REMEDY}"
+        return Comparison(scenario=run.scenario, faults=(text,))
+    same_effort = stored.effort == run.effort
+    faults, notes = _verdicts(stored, run, same_effort=same_effort)
+    if not same_effort:
+        notes.append(
+            f"this run's effort is {run.effort}, the stored one's {stored.effort}: compute times are not "
+            "compared, and tolerances are wider"
+        )
+    return Comparison(
+        scenario=run.scenario,
+        faults=tuple(faults),
+        notes=tuple(notes),
+        figures=tuple(_figures(baseline, stored, run, same_effort=same_effort)),
+    )
+
+
+def _verdicts(stored: Entry, run: Run, *, same_effort: bool) -> tuple[list[str], list[str]]:
+    """What is wrong with the verdict, and what is only worth telling."""
+    now, was = _RANK.get(run.verdict, 0), _RANK[stored.verdict]
+    text = f"the verdict is {run.verdict}, was {stored.verdict}"
+    if now < was and (same_effort or now == 0):
+        return [text], []
+    return [], [text] if now != was else []
+
+
+def _figures(baseline: Baseline, stored: Entry, run: Run, *, same_effort: bool) -> Iterator[Figure]:
+    now = {metric.name: metric for metric in run.metrics}
+    for metric in run.metrics:
+        yield _figure(baseline, metric, stored.metrics.get(metric.name), same_effort=same_effort)
+    for name, was in stored.metrics.items():
+        if name not in now:
+            kind = kind_of(name)
+            gone: Movement = "missing" if same_effort or kind != "compute_time" else "not_compared"
+            unit = "s" if kind in ("travel_time", "bound", "compute_time") else "m" * (kind == "margin")
+            yield Figure(name=name, kind=kind, unit=unit, movement=gone, was=was)
+
+
+def _figure(baseline: Baseline, metric: Metric, was: float | None, *, same_effort: bool) -> Figure:
+    value = stored_number(metric.value)
+    if was is None:
+        movement: Movement = "new"
+        allowed = None
+    elif metric.kind == "compute_time" and not same_effort:
+        movement, allowed = "not_compared", None
+    else:
+        distance = spread(baseline.tolerances, metric, same_effort=same_effort).around(was)
+        sign = 1.0 if metric.better == "smaller" else -1.0
+        allowed = was + sign * distance
+        if sign * (value - allowed) > 0.0:
+            movement = "worse"
+        else:
+            movement = "better" if sign * (value - (was - sign * distance)) < 0.0 else "same"
+    return Figure(
+        name=metric.name,
+        kind=metric.kind,
+        unit=metric.unit,
+        movement=movement,
+        value=value,
+        was=was,
+        allowed=allowed,
+    )
+
+
+def kind_of(name: str) -> Kind:
+    """The kind of figure that a name means."""
+    head = name.partition(".")[0]
+    kinds: Mapping[str, Kind] = {
+        "travel_time": "travel_time",
+        "compute_time": "compute_time",
+        "margin": "margin",
+        "tracking_error": "margin",
+        "lower_bound": "bound",
+        "emergency_stops": "count",
+    }
+    return kinds.get(head, "gap")
