@@ -94,7 +94,7 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def _add_gate(parser: argparse.ArgumentParser, meaning: str) -> None:
-    parser.add_argument("--gate", action="append", default=[], type=_gate, metavar="NAME=LIMIT", help=meaning)
+    parser.add_argument("--gate", action="append", default=[], type=gate_limit, metavar="NAME=LIMIT", help=meaning)
 
 
 def _add_plugin(parser: argparse.ArgumentParser) -> None:
@@ -107,7 +107,13 @@ def _add_plugin(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _gate(text: str) -> tuple[str, float]:
+def gate_limit(text: str) -> tuple[str, float]:
+    """A gate's name and limit from `NAME=LIMIT`.
+
+    Raises
+    ------
+    ArgumentTypeError : no gate has this name, or the limit is no finite number >= 0.
+    """
     name, equals, limit = text.partition("=")
     if not equals or name not in _gate_names():
         raise argparse.ArgumentTypeError(
