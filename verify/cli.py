@@ -94,7 +94,9 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def _add_gate(parser: argparse.ArgumentParser, meaning: str) -> None:
-    parser.add_argument("--gate", action="append", default=[], type=gate_limit, metavar="NAME=LIMIT", help=meaning)
+    parser.add_argument(
+        "--gate", action="append", default=[], type=gate_limit, metavar="NAME=LIMIT", help=meaning
+    )
 
 
 def _add_plugin(parser: argparse.ArgumentParser) -> None:
