@@ -6,11 +6,11 @@ import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from verify.baseline_file import DIGITS, Baseline, Entry, spread
 from verify.cases import Case
-from verify.metrics import Kind, Metric
+from verify.metrics import Kind, Metric, metrics
 from vnav_drake.scenario import Scenario
 
 # Which figures a case of the baseline is about.
@@ -151,6 +151,17 @@ def question_of(scenario: Scenario) -> str:
         asked.pop("plan", None)
     text = json.dumps(asked, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def run_of(scenario: Scenario, result: Mapping[str, Any]) -> Run:
+    """What is compared of a run of `scenario` with the content of its result.json."""
+    return Run(
+        scenario=scenario.name,
+        question=question_of(scenario),
+        effort=scenario.plan.effort,
+        verdict=str(result.get("verdict")),
+        metrics=metrics(result),
+    )
 
 
 def entry(run: Run) -> Entry:
