@@ -5,13 +5,16 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from verify.attempt import Attempt, attempt
 from verify.exit_codes import BAD_INPUT, UNFINISHED
 from verify.interruption import Interruption
-from verify.stages import Say
 from vnav_drake.scenario import Scenario, ScenarioError, parse_scenario
 from vnav_drake.zones.errors import PluginError
+
+if TYPE_CHECKING:
+    from verify.stages import Say
 
 
 def attempts(
