@@ -22,7 +22,7 @@ from vnav_drake.scenario_file import ScenarioError, read_document
 MOST_OVERLAPS = 100_000  # pairs of polygons whose boxes meet: what uniting them may cost
 STOPS = {
     "full": 200,
-    "quick": 50,
+    "quick": 20,
 }  # instants of the emergency-stop audit by plan.effort, where none are given
 ROUNDING = 1e-9  # relative, of mu g against a_b, and [m], of the wheels against the disc
 
