@@ -109,18 +109,22 @@ class CaseItem(pytest.Item):
             self.add_report_section("call", "where it came from", record.trace)
         if record.error:
             pytest.fail(record.error, pytrace=False)
-        own = [case for case in record.cases if case.name == self.name]
+        own = [case for case in record.cases if self._is_about(case)]
         for case in own:
             self.user_properties += _properties(case)
-        if self.name == VERDICT:  # stages that could not finish have no item of their own
-            own += [case for case in record.cases if case.status == "error"]
         bad = [case for case in own if case.bad]
         if bad:
             pytest.fail("\n".join([*map(failure, bad), f"report: {record.report}"]), pytrace=False)
         if not own:  # nothing may pass that nobody judged
             pytest.fail(f"{self.name}: the run has no such case", pytrace=False)
-        if any(case.status == "skipped" for case in own):
+        if all(case.status == "skipped" for case in own):
             pytest.skip(own[0].text)
+
+    def _is_about(self, case: Case) -> bool:
+        """Stages that could not finish are the verdict's, figures of a baseline all one item's."""
+        if self.name == BASELINE:
+            return case.name.startswith(BASELINE)
+        return case.name == self.name or (self.name == VERDICT and case.status == "error")
 
     def reportinfo(self) -> tuple[Path, int, str]:
         """File, line and name."""

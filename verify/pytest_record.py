@@ -9,7 +9,6 @@ from pathlib import Path
 
 from verify.atomic import locked, replace_file
 from verify.cases import Case
-from verify.exit_codes import UNFINISHED
 
 _RECORD = "record.json"
 _BEGUN = "begun"
@@ -20,7 +19,6 @@ class Record:
     """What a scenario's run showed."""
 
     name: str  # of the scenario
-    exit_code: int  # of `verify`
     headline: str = ""  # its line of output
     report: str = ""  # path of the report
     error: str = ""  # why there is none
@@ -54,7 +52,7 @@ def recorded_once(folder: Path, name: str, run: Callable[[], Record]) -> Record:
             return Record.read(own / _RECORD)
         if (own / _BEGUN).exists():
             error = f"{name}: could not finish: its run was cut short; an earlier result is as it was"
-            return Record(name=name, exit_code=UNFINISHED, error=error)
+            return Record(name=name, error=error)
         (own / _BEGUN).touch()
         record = run()
         replace_file(own / _RECORD, record.write)

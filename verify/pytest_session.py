@@ -14,7 +14,9 @@ import pytest
 
 from verify.atomic import OutputError, usable_folder
 from verify.attempt import attempt, load
-from verify.cases import cases
+from verify.baseline import compare, run_of
+from verify.baseline_file import Baseline, BaselineError, read_baseline
+from verify.cases import Case, cases
 from verify.cli import gate_limit
 from verify.pytest_items import CaseItem, ScenarioFile, is_scenario, plain_skip
 from verify.pytest_record import Record, recorded_once, records
@@ -40,30 +42,35 @@ def start(config: pytest.Config) -> None:
         for module in config.getoption("--verify-plugin"):
             load_plugin(module)
         overrides = dict(map(gate_limit, config.getoption("--verify-gate")))
-        out = config.invocation_params.dir / config.getoption("--verify-out")
+        here = config.invocation_params.dir
+        out = here / config.getoption("--verify-out")
+        stored = config.getoption("--verify-baseline")
+        baseline = None if stored is None else read_baseline(_shown(here / stored))
         if told is None and not config.getoption("--collect-only"):
             usable_folder(out)
-    except (PluginError, ArgumentTypeError, OutputError) as error:
+    except (PluginError, ArgumentTypeError, BaselineError, OutputError) as error:
         raise pytest.UsageError(f"--verify: {error}") from error
     if told is None:
         shared = tempfile.mkdtemp(prefix="vnav-verify-")
         config.add_cleanup(lambda: shutil.rmtree(shared, ignore_errors=True))
     else:
         shared = told[_SHARED]
-    config.pluginmanager.register(Session(Path(shared), out, overrides), "vnav-verify-session")
+    config.pluginmanager.register(Session(Path(shared), out, overrides, baseline), "vnav-verify-session")
 
 
 class Session:
     """Collects scenario files, and runs each scenario at most once."""
 
-    def __init__(self, shared: Path, out: Path, overrides: Mapping[str, float]) -> None:
-        self._shared, self._out, self._overrides = shared, out, overrides
+    def __init__(
+        self, shared: Path, out: Path, overrides: Mapping[str, float], baseline: Baseline | None
+    ) -> None:
+        self._shared, self._out, self._overrides, self._baseline = shared, out, overrides, baseline
         self._loaded: dict[Path, Scenario] = {}
 
     @property
     def has_baseline(self) -> bool:
         """Whether results are compared with stored ones."""
-        return False
+        return self._baseline is not None
 
     def load(self, file: Path) -> Scenario:
         """The scenario of a file that is collected; two of one name are bad input, as for `verify`."""
@@ -81,14 +88,17 @@ class Session:
         done = attempt(scenario, self._out, self._overrides, lambda _text: None, workers)
         outcome = done.outcome
         if outcome is None:
-            return Record(name=done.name, exit_code=done.exit_code, error=done.error, trace=done.trace)
+            return Record(name=done.name, error=done.error, trace=done.trace)
         return Record(
             name=done.name,
-            exit_code=done.exit_code,
             headline=headline(outcome.judgement),
             report=str(_shown(outcome.report)),
-            cases=cases(outcome.judgement, done.unfinished),
+            cases=(*cases(outcome.judgement, done.unfinished), *self._compared(scenario, outcome.result)),
         )
+
+    def _compared(self, scenario: Scenario, result: Mapping[str, Any]) -> tuple[Case, ...]:
+        baseline = self._baseline
+        return () if baseline is None else compare(baseline, run_of(scenario, result)).cases
 
     def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
         """A scenario file's collector; other files are none of ours."""
