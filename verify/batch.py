@@ -6,14 +6,18 @@ import argparse
 import contextlib
 import sys
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
 
-from verify.atomic import OutputError, replace_file, usable_folder
+from verify.atomic import usable_folder
 from verify.attempt import Attempt, load
-from verify.exit_codes import BAD_INPUT, OK, UNFINISHED
-from verify.junit import Suite, write_junit
+from verify.baseline import compare, run_of
+from verify.baseline_file import Baseline
+from verify.exit_codes import BAD_INPUT, FAILED, OK, UNFINISHED
+from verify.outputs import baseline_lines, prepare, write_outputs
 from verify.progress import Progress
 from verify.side_by_side import attempts
+from verify.suite import Suite
 from verify.summary import details, failures, headline
 from vnav_drake.scenario import Scenario, ScenarioError
 from vnav_drake.zones.errors import PluginError
@@ -24,14 +28,15 @@ def run_files(options: argparse.Namespace) -> int:
 
     Raises
     ------
-    OutputError : the output folder or the JUnit file's folder cannot be used.
+    OutputError : a folder for output cannot be used.
+    BaselineError : the baseline cannot be used.
     """
     scenarios, suites = _load(options.scenarios)
     worst = BAD_INPUT if suites else OK
-    if options.junit is not None and not options.junit.absolute().parent.is_dir():
-        raise OutputError(f"{options.junit}: its folder does not exist")
+    baseline = prepare(options)
     if scenarios:
         usable_folder(options.out)
+    by_name = {scenario.name: scenario for scenario in scenarios}
     with Progress(quiet=options.quiet) as progress:
         runs = attempts(
             scenarios,
@@ -43,14 +48,18 @@ def run_files(options: argparse.Namespace) -> int:
         )
         with contextlib.closing(runs):
             for done in runs:
+                suite = _suite(done, by_name[done.name], None if options.update_baseline else baseline)
+                code = done.exit_code
+                if suite.comparison is not None and not suite.comparison.passed:
+                    code = max(code, FAILED)
                 with progress.paused():
-                    _tell(done, options)
+                    _tell(done, code, baseline_lines(suite, baseline, options), options)
                 if options.open and done.outcome is not None:
                     webbrowser.open(done.outcome.report.absolute().as_uri())
-                worst = max(worst, done.exit_code)
-                suites.append(_suite(done))
-    if options.junit is not None:
-        replace_file(options.junit.absolute(), lambda aside: write_junit(aside, suites))
+                worst = max(worst, code)
+                suites.append(suite)
+    for line in write_outputs(options, suites, baseline):
+        print(line, flush=True)
     return worst
 
 
@@ -63,35 +72,47 @@ def _load(files: list[Path]) -> tuple[list[Scenario], list[Suite]]:
             scenario = load(file, scenarios)
         except PluginError as error:
             print(f"{file}: {error}", file=sys.stderr)
-            suites.append(Suite(name=str(file), error=str(error)))
+            suites.append(Suite(name=str(file), file=str(file), error=str(error)))
         except ScenarioError as error:
             print(error, file=sys.stderr)
-            suites.append(Suite(name=str(file), error=str(error)))
+            suites.append(Suite(name=str(file), file=str(file), error=str(error)))
         else:
             scenarios.append(scenario)
     return scenarios, suites
 
 
-def _suite(done: Attempt) -> Suite:
-    if done.outcome is None:
-        return Suite(name=done.name, error=done.error)
-    return Suite(name=done.name, judgement=done.outcome.judgement, missing=done.unfinished)
+def _suite(done: Attempt, scenario: Scenario, baseline: Baseline | None) -> Suite:
+    """What became of a scenario, beside the baseline if that is to be compared."""
+    outcome, file = done.outcome, str(scenario.source or "")
+    if outcome is None:
+        return Suite(name=done.name, file=file, error=done.error)
+    run = run_of(scenario, outcome.result)
+    return Suite(
+        name=done.name,
+        file=file,
+        judgement=outcome.judgement,
+        missing=done.unfinished,
+        report=str(outcome.report),
+        run=run,
+        comparison=None if baseline is None else compare(baseline, run),
+        version=str(outcome.result["versions"]["vnav_drake"]),
+    )
 
 
-def _tell(done: Attempt, options: argparse.Namespace) -> None:
-    """The scenario's line and what failed; on standard error why it has none."""
+def _tell(done: Attempt, code: int, beside: Sequence[str], options: argparse.Namespace) -> None:
+    """The scenario's line and what failed, also `beside` the baseline; on standard error why it has none."""
     outcome = done.outcome
     if outcome is None:
         if options.verbose:
             print(done.trace, end="", file=sys.stderr)
         print(_complaint(done), file=sys.stderr)
         return
-    if done.exit_code == OK and options.quiet:
+    if code == OK and options.quiet and not beside:
         return
     print(f"{headline(outcome.judgement)}  {outcome.report}", flush=True)
     lines = [f"missing {item.stage}: {item.reason}" for item in outcome.missing]
     lines += details(outcome.judgement) if options.verbose else failures(outcome.judgement)
-    for line in lines:
+    for line in (*lines, *beside):
         print(f"  {line}", flush=True)
 
 

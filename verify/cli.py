@@ -52,11 +52,12 @@ def _verify(arguments: Sequence[str]) -> int:
     if not _loaded(options.plugin):
         return BAD_INPUT
     from verify.atomic import OutputError
+    from verify.baseline_file import BaselineError
     from verify.batch import run_files
 
     try:
         return run_files(options)
-    except OutputError as error:
+    except (OutputError, BaselineError) as error:
         _complain(str(error))
         return BAD_INPUT
 
@@ -84,13 +85,33 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     _add_plugin(parser)
     parser.add_argument("--junit", type=Path, metavar="FILE", help="also write the gates as JUnit XML")
     parser.add_argument(
+        "--trend",
+        type=Path,
+        metavar="DIR",
+        help="also write key figures for charts (github-action-benchmark)",
+    )
+    parser.add_argument(
+        "--baseline",
+        type=Path,
+        metavar="FILE",
+        help="fail where figures are worse than the runs stored there",
+    )
+    parser.add_argument(
+        "--update-baseline",
+        action="store_true",
+        help="store these runs in the baseline instead, if they pass",
+    )
+    parser.add_argument(
         "--jobs", type=_jobs, default=1, metavar="N", help="scenarios that run at once (default: 1)"
     )
     loudness = parser.add_mutually_exclusive_group()
     loudness.add_argument("--quiet", action="store_true", help="print only what failed")
     loudness.add_argument("--verbose", action="store_true", help="print every gate and check")
     parser.add_argument("--version", action="version", version=f"verify {metadata.version('vnav-drake')}")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    if options.update_baseline and options.baseline is None:
+        parser.error("--update-baseline needs --baseline FILE, the file to write")
+    return options
 
 
 def _add_gate(parser: argparse.ArgumentParser, meaning: str) -> None:
