@@ -238,7 +238,7 @@ def test_without_stops_nothing_is_evaluated():
     ("changes", "model", "stops"),
     [
         ({}, "four_wheel", 200),
-        ({"plan": {"effort": "quick"}}, "four_wheel", 50),
+        ({"plan": {"effort": "quick"}}, "four_wheel", 20),
         ({"plan": {"effort": "quick"}, "simulation": {"stops": 7}}, "four_wheel", 7),
         ({"simulation": {"model": "both", "stops": 0}}, "both", 0),
         ({"robot": {"radius": 0.0, "wheelbase": 0.1, "track": 0.1}}, "single_track", 200),
