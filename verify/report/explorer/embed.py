@@ -1,0 +1,170 @@
+"""Linked views as they stand in the page: Bokeh's models and our numbers, as two blocks of JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from bokeh.document import Document
+from bokeh.models import ColumnDataSource, Range1d
+from markupsafe import Markup
+
+from verify.report.bound import BoundMesh
+from verify.report.drawings import ClassDrawing
+from verify.report.evidence import Evidence
+from verify.report.explorer.curve_plots import (
+    MARGIN_TONES,
+    friction_plot,
+    friction_reach,
+    margins_plot,
+    speed_plot,
+)
+from verify.report.explorer.encode import data_block, numbers
+from verify.report.explorer.layers import Layer, layers
+from verify.report.explorer.motions import (
+    DrawnMargin,
+    DrawnMotion,
+    compared,
+    drawn_margins,
+    followed,
+    margins_of,
+    passed,
+    recorded,
+)
+from verify.report.explorer.plots import empty, heading_length, map_plot
+from verify.report.figures_classes import MOST_CLASSES
+from verify.report.palette import method, rank_variable, variable_of_colour
+from verify.report.zone_along import ZoneAlong
+from vnav_drake.problem import Problem
+
+if TYPE_CHECKING:
+    from verify.report.page import ReportExtras
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explorer:
+    """What explorer.html puts into the page."""
+
+    models: Markup  # JSON of Bokeh's document
+    data: Markup  # JSON of our numbers
+    layers: Sequence[Layer]
+    margins: Sequence[tuple[str, str, str, str]]  # key, name, unit, formula; those with a share come first
+    colours: Mapping[str, str]  # margin -> CSS variable
+    end: float  # [s], of the motion followed
+    shape: float  # height over width of the world
+    zone: bool  # whether a zone that is no disc is drawn
+
+
+def explorer(
+    problem: Problem,
+    result: Mapping[str, Any],
+    evidence: Evidence,
+    extras: ReportExtras,
+    along: ZoneAlong | None,
+    certificate: tuple[BoundMesh | None, str],
+) -> Explorer:
+    """The views of the motion executed (or of what stands in for it) and of all that goes with it.
+
+    Raises
+    ------
+    ValueError : there is no motion to follow.
+    """
+    motion = evidence.executed
+    if motion is None:
+        raise ValueError("no motion to follow")
+    own = followed(problem, motion, along)
+    executed = f"plan-{evidence.executed_plan or 'refined'}"
+    motions = {executed: own, **_beside(problem, evidence, extras.speed_graph.classes)}
+    known = drawn_margins(problem, margins_of(problem, motion, along))
+    offered = layers(problem, result, evidence, extras, certificate)
+    ranks = [item.rank for item in extras.speed_graph.classes[:MOST_CLASSES]]
+    top = max(float(own.columns["v"].max()), 1e-3)
+    x0, y0, x1, y1 = problem.world.bounds
+    data = {
+        "executed": executed,
+        "end": own.end,
+        "radius": problem.robot.radius,
+        "heading": heading_length(problem),
+        "box": [x0, y0, x1, y1],
+        "reach": friction_reach(problem, own),
+        "zone": along is not None,
+        "margins": [_margin(margin) for margin in known],
+        "motions": {
+            key: {name: numbers(values) for name, values in item.columns.items()}
+            for key, item in motions.items()
+        },
+        "tones": {key: _variable(key) for key in motions},
+        "layers": {item.key: item.data for item in offered if item.data is not None and not item.missing},
+        "ranks": ranks,
+        "variables": dict(variable_of_colour()),
+    }
+    return Explorer(
+        models=data_block(_models(problem, executed, motions, ranks, known, top)),
+        data=data_block(data),
+        layers=offered,
+        margins=[(m.key, m.name, m.unit, m.formula) for m in known],
+        colours={key: variable_of_colour()[tone.light] for key, tone in MARGIN_TONES.items()},
+        end=own.end,
+        shape=(y1 - y0) / (x1 - x0),
+        zone=along is not None,
+    )
+
+
+def _beside(problem: Problem, evidence: Evidence, classes: Sequence[ClassDrawing]) -> dict[str, DrawnMotion]:
+    """All motions but the one followed, by key."""
+    found = {
+        f"plan-{name}": passed(plan)
+        for name, plan in evidence.plans.items()
+        if name != evidence.executed_plan
+    }
+    if evidence.simulation is not None:
+        found["plan-simulation"] = recorded(evidence.simulation)
+    for item in classes[:MOST_CLASSES]:
+        path = DrawnMotion(columns={"x": item.points[:, 0], "y": item.points[:, 1]})
+        found[f"class-{item.rank}"] = path if item.motion is None else compared(problem, item.motion)
+    return found
+
+
+def _margin(margin: DrawnMargin) -> dict[str, Any]:
+    told: dict[str, Any] = {"key": margin.key, "name": margin.name, "unit": margin.unit}
+    return told if margin.scale is None else {**told, "scale": margin.scale}
+
+
+def _variable(key: str) -> str:
+    kind, _, name = key.partition("-")
+    return rank_variable(int(name)) if kind == "class" else method(name).variable
+
+
+def _models(
+    problem: Problem,
+    executed: str,
+    motions: Mapping[str, DrawnMotion],
+    ranks: Sequence[int],
+    margins: Sequence[DrawnMargin],
+    top: float,
+) -> dict[str, Any]:
+    """Bokeh's document, its columns empty: the script fills those that are shown."""
+    sources: dict[str, ColumnDataSource] = {
+        key: empty(f"motion-{key}", *_drawn_columns(item)) for key, item in motions.items()
+    }
+    own = motions[executed]
+    time = Range1d(0.0, own.end, bounds=(0.0, _longest(motions)), name="time")
+    document = Document(title="")
+    for plot in (
+        map_plot(problem, sources, executed, ranks, top),
+        speed_plot(problem, sources, executed, ranks, own, time),
+        margins_plot(margins, time),
+        friction_plot(problem, sources, executed, ranks),
+    ):
+        document.add_root(plot)
+    return dict(document.to_json(deferred=False))
+
+
+def _drawn_columns(motion: DrawnMotion) -> list[str]:
+    return [name for name in ("t", "x", "y", "v", "a", "turn", "safe", "bend") if name in motion.columns]
+
+
+def _longest(motions: Mapping[str, DrawnMotion]) -> float:
+    """[s]; a path of a class without a motion has no times."""
+    return max(item.end for item in motions.values() if "t" in item.columns)
