@@ -13,6 +13,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from verify.atomic import replace_file
+from verify.report.outlines import share_outlines
 from verify.report.palette import css_variables
 from verify.report.text import plain, visible
 
@@ -37,7 +38,8 @@ def _environment() -> Environment:
 def stylesheet() -> str:
     """The style sheet with the palette filled in."""
     environment = _environment()
-    source = environment.loader.get_source(environment, "style.css")[0]  # type: ignore[union-attr]
+    loader = environment.loader
+    source = "".join(loader.get_source(environment, name)[0] for name in ("style.css", "explorer.css"))  # type: ignore[union-attr]
     return source.replace("/*light*/", css_variables(dark=False)).replace(
         "/*dark*/", css_variables(dark=True)
     )
@@ -71,7 +73,7 @@ def render(template: str, *, scripts: Sequence[str] = (), **values: Any) -> str:
     page = _environment().get_template(template)
     policy = content_policy(texts, inline_styles=LIBRARY in scripts)
     known = {"style": style, "scripts": [Markup(text) for text in texts], "policy": policy}
-    return page.render(**known, **values) + "\n"
+    return share_outlines(page.render(**known, **values)) + "\n"
 
 
 def write_whole(file: Path, text: str) -> None:
