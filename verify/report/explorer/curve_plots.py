@@ -105,7 +105,8 @@ def margins_plot(margins: Sequence[DrawnMargin], time: Range1d) -> figure:
     )  # fmt: skip
     plot.text(
         "x", "y", text="text", source=empty("least-words", "x", "y", "text", "align"), y_offset=-10,
-        text_align="align", text_color=INK.light, background_fill_color=PAPER.light, background_fill_alpha=0.7, **LETTERS,
+        text_align="align", text_color=INK.light, background_fill_color=PAPER.light,
+        background_fill_alpha=0.7, **LETTERS,
     )  # fmt: skip
     _time_cursor(plot, "margins")
     return plot
@@ -215,7 +216,8 @@ def _words(
     plot.add_layout(
         Label(
             x=at[0], y=at[1], text=words, text_color=colour, text_align=align, y_offset=-3 if below else 3,
-            text_baseline="top" if below else "bottom", background_fill_color=PAPER.light, background_fill_alpha=0.7, **WORDS,
+            text_baseline="top" if below else "bottom", background_fill_color=PAPER.light,
+        background_fill_alpha=0.7, **WORDS,
         )
     )  # fmt: skip
 

@@ -48,7 +48,7 @@ class Explorer:
 
     models: Markup  # JSON of Bokeh's document
     data: Markup  # JSON of our numbers
-    layers: Sequence[Layer]
+    layers: Sequence[Sequence[Layer]]  # in two groups: ways, and what else there is to see
     margins: Sequence[tuple[str, str, str, str]]  # key, name, unit, formula; those with a share come first
     colours: Mapping[str, str]  # margin -> CSS variable
     end: float  # [s], of the motion followed
@@ -77,7 +77,8 @@ def explorer(
     executed = f"plan-{evidence.executed_plan or 'refined'}"
     motions = {executed: own, **_beside(problem, evidence, extras.speed_graph.classes)}
     known = drawn_margins(problem, margins_of(problem, motion, along))
-    offered = layers(problem, result, evidence, extras, certificate)
+    groups = layers(problem, result, evidence, extras, certificate)
+    offered = [item for group in groups for item in group]
     ranks = [item.rank for item in extras.speed_graph.classes[:MOST_CLASSES]]
     top = max(float(own.columns["v"].max()), 1e-3)
     x0, y0, x1, y1 = problem.world.bounds
@@ -102,7 +103,7 @@ def explorer(
     return Explorer(
         models=data_block(_models(problem, executed, motions, ranks, known, top)),
         data=data_block(data),
-        layers=offered,
+        layers=groups,
         margins=[(m.key, m.name, m.unit, m.formula) for m in known],
         colours={key: variable_of_colour()[tone.light] for key, tone in MARGIN_TONES.items()},
         end=own.end,

@@ -47,19 +47,17 @@ def layers(
     evidence: Evidence,
     extras: ReportExtras,
     certificate: tuple[BoundMesh | None, str],
-) -> list[Layer]:
-    """All layers in the order in which they are offered: the ways first, then what lies below them."""
+) -> tuple[list[Layer], list[Layer]]:
+    """All layers in the order in which they are offered: ways, then what else there is to see."""
     size = problem.world.diameter
-    return [
-        *_plans(result, evidence),
-        _simulation(result, evidence),
+    ways = [*_plans(result, evidence), _simulation(result, evidence), _classes(extras)]
+    return ways, [
         Layer(
             key="disc",
-            label="braking disc" if problem.zone is None else "braking zone",
+            label="Braking disc" if problem.zone is None else "Braking zone",
             variable="--limit",
             shown=True,
         ),
-        _classes(extras),
         _arcs(extras, size),
         _graph(extras, size),
         _mesh(certificate, size),
@@ -78,7 +76,9 @@ def _plans(result: Result, evidence: Evidence) -> list[Layer]:
         reason = evidence.reason(f"trajectories/{name}.csv")
         found.append(
             Layer(
-                key=f"plan-{name}", label=look.label, variable=look.variable,
+                key=f"plan-{name}",
+                label=look.label + (", followed" if name == evidence.executed_plan else ""),
+                variable=look.variable,
                 shown=there and name in (evidence.executed_plan, optimum),
                 missing="" if there else reason or "no trajectory",
             )
@@ -101,7 +101,7 @@ def _classes(extras: ReportExtras) -> Layer:
     there = bool(extras.speed_graph.classes)
     return Layer(
         key="classes",
-        label="homotopy classes",
+        label="Homotopy classes",
         variable=rank_variable(2),
         missing="" if there else "the paths of the classes were not at hand",
         data={
@@ -127,9 +127,9 @@ def _arcs(extras: ReportExtras, size: float) -> Layer:
 
 def _graph(extras: ReportExtras, size: float) -> Layer:
     graph = next(iter(extras.speed_graph.graphs), None)
-    label = "speed graph"
+    label = "Edges of the speed graph"
     if graph is not None and graph.shown < graph.total:
-        label += f" ({graph.shown:,} of {graph.total:,} edges)"
+        label += f" ({graph.shown:,} of {graph.total:,})"
     return Layer(
         key="graph",
         label=label,
@@ -141,7 +141,7 @@ def _graph(extras: ReportExtras, size: float) -> Layer:
 
 def _mesh(certificate: tuple[BoundMesh | None, str], size: float) -> Layer:
     mesh, reason = certificate
-    known: dict[str, Any] = {"key": "mesh", "label": "mesh of the certificate", "variable": "--rack-edge"}
+    known: dict[str, Any] = {"key": "mesh", "label": "Mesh of the certificate", "variable": "--rack-edge"}
     if mesh is None:
         return Layer(**known, missing=reason or "no certificate")
     sides = mesh.place[mesh.triangles][mesh.size > LEAST_SIDE * size][:, [[0, 1], [1, 2], [2, 0]]]
@@ -154,13 +154,13 @@ def _stops(problem: Problem, result: Result, evidence: Evidence, size: float) ->
     known: dict[str, Any] = {"key": "stops", "variable": method("simulation").variable}
     if stops is None:
         reason = evidence.reason(STOPS)
-        return Layer(label="emergency stops", missing=reason or "no stops were recorded", **known)
+        return Layer(label="Emergency stops", missing=reason or "no stops were recorded", **known)
     told = stop_story(result, problem, stops, evidence.simulation, asked=True)
     bad = sorted({stop.index for stop in told.failed if 0 <= stop.index < len(stops)})
     paths = [np.column_stack(path) for path in stops.paths()]
     kept = [k for k, path in enumerate(paths) if len(path) > 1]
     return Layer(
-        label="emergency stops" + (f", {len(bad)} bad" if bad else ", none bad"),
+        label="Emergency stops" + (f", {len(bad)} bad" if bad else ", none bad"),
         **known,
         data={
             **lines(paths, size),

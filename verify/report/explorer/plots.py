@@ -147,12 +147,15 @@ def _world(plot: figure, world: World) -> None:
     if len(world.isolated):
         x, y = world.vertices[world.isolated].T
         plot.scatter(x=x, y=y, size=6, marker="circle", fill_color=INK.light, line_color=None)
+    # a wall's name stands beside it
     named = [o for o in world.obstacles if label(o.name)]
     if 0 < len(named) <= MOST_NAMES:
         middles = np.array([_middle(np.array(o.vertices)) for o in named])
         plot.text(
             x=middles[:, 0], y=middles[:, 1], text=[label(o.name) for o in named], name="names",
-            text_align="center", text_baseline="middle", text_color=MUTED.light, **LETTERS,
+            x_offset=[0 if len(o.vertices) > 2 else 9 for o in named], **LETTERS,
+            y_offset=[0 if len(o.vertices) > 2 else -9 for o in named],
+            text_align="center", text_baseline="middle", text_color=MUTED.light,
         )  # fmt: skip
 
 
@@ -174,7 +177,7 @@ def _middle(corners: Array) -> Array:
 def _lines(plot: figure, key: str, colour: str, width: float, dash: Dash = "solid") -> None:
     plot.multi_line(
         "xs", "ys", source=empty(f"lines-{key}", "xs", "ys"), name=key, line_color=colour, line_width=width,
-        line_dash=dashes(dash, 1), visible=False,
+        line_dash=dashes(dash, 1), line_alpha=0.6 if key == "mesh" else 1.0, visible=False,
     )  # fmt: skip
 
 
@@ -207,7 +210,8 @@ def _ends(plot: figure, problem: Problem) -> None:
     )  # fmt: skip
     plot.text(
         x=points[:, 0], y=points[:, 1], text=["start", "goal"], x_offset=9, y_offset=-7,
-        text_color=INK.light, text_font_style="bold", background_fill_color=PAPER.light, background_fill_alpha=0.7, **LETTERS,
+        text_color=INK.light, text_font_style="bold", background_fill_color=PAPER.light,
+        background_fill_alpha=0.7, **LETTERS,
     )  # fmt: skip
 
 

@@ -49,7 +49,7 @@
   const on = (key) => state.layers[key] === true;
   const look = (name, visible, alpha = 1) => {
     const renderer = named(name);
-    if (visible) renderer.glyph.line_alpha = { value: alpha };
+    if (visible && renderer.glyph.line_alpha.value !== alpha) renderer.glyph.line_alpha = { value: alpha };
     renderer.visible = visible;
   };
 
@@ -87,6 +87,8 @@
       const words = known ? `its optimum takes ${data.motion(`class-${rank}`).t.at(-1).toFixed(3)} s` : state.rank === null ? "its path is not drawn here" : "without a motion: its path comes too close";
       chosen.textContent = `Class ${rank} beside the motion: ${words}. Esc takes it back.`;
     }
+    const end = state.rank === null ? 0 : data.motion(`class-${rank}`).t?.at(-1) ?? 0;
+    plots.lasting(Math.max(data.end, end));
     showMargins();
     showLayers();
   }

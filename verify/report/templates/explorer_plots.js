@@ -6,7 +6,8 @@ const vnavPlots = (data) => {
   const places = Object.fromEntries(names.map((name) => [name, document.getElementById(`explore-${name}`)]));
   const homes = {};  // equal scales: the box that shows all
   const asked = {};  // equal scales: the view last set, to tell when it is not the whole any more
-  let doc = null, plots = null, tinted = [];
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  let doc = null, plots = null, longest = data.end, tinted = [];
 
   const named = (name) => doc.get_model_by_name(name);
   const put = (name, columns) => { named(`${name}-columns`).data = columns; };
@@ -27,8 +28,9 @@ const vnavPlots = (data) => {
       whole(name);
     }
     gather();
-    tint();
-    window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", tint);
+    if (dark.matches) tint();
+    if (navigator.maxTouchPoints > 0) document.getElementById("explore").classList.add("touched");
+    dark.addEventListener("change", tint);
     for (const name of names) steer(name);
   }
 
@@ -48,7 +50,6 @@ const vnavPlots = (data) => {
   const colour = (variable) => getComputedStyle(document.documentElement).getPropertyValue(variable).trim();
 
   function tint() {
-    doc.freeze?.();
     for (const [property, spec, variable] of tinted) {
       const found = colour(variable);
       property.obj.setv({ [property.attr]: spec ? { value: found } : found });
@@ -68,8 +69,13 @@ const vnavPlots = (data) => {
 
   function whole(name) {
     if (homes[name]) return show(name, homes[name]);
-    const time = plots[name].x_range;
-    time.setv({ start: 0, end: data.end });
+    plots[name].x_range.setv({ start: 0, end: longest });
+  }
+
+  // Times up to `end` are all that there is to show.
+  function lasting(end) {
+    longest = end;
+    whole("speed");
   }
 
   function untouched(name) {
@@ -78,6 +84,7 @@ const vnavPlots = (data) => {
   }
 
   function resized(name) {
+    if (name === "map") named("names")?.setv({ visible: plots.map.inner_width > 420 });
     const { x_range: x, y_range: y } = plots[name];
     show(name, untouched(name) ? homes[name] : [x.start, y.start, x.end, y.end]);
   }
@@ -105,6 +112,7 @@ const vnavPlots = (data) => {
 
   // A mouse drags the picture; a finger the page, until "Move" is pressed. The wheel zooms after a click only.
   function steer(name) {
+    Bokeh.index[plots[name].id].canvas_view.events_el.tabIndex = -1;  // the place around it is what Tab reaches
     const place = places[name], tools = plots[name].toolbar.tools;
     const pan = tools.find((tool) => tool.type === "PanTool"), wheel = tools.find((tool) => tool.type === "WheelZoomTool");
     const button = document.querySelector(`[data-plot="${name}"][data-zoom="move"]`);
@@ -139,5 +147,5 @@ const vnavPlots = (data) => {
     return { x: frame.x_scale.invert(sx), y: frame.y_scale.invert(sy), pixel: (range.end - range.start) / (right - left) };
   }
 
-  return { build, named, put, places, plots: () => plots, colour, zoom, move, whole, show, under };
+  return { build, named, put, places, plots: () => plots, colour, zoom, move, whole, lasting, under };
 };
