@@ -6,12 +6,15 @@ import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
+from verify import evidence
 from verify.baseline_file import DIGITS, Baseline, Entry, spread
 from verify.cases import Case
 from verify.metrics import Kind, Metric, metrics
-from vnav_drake.scenario import Scenario
+from vnav_drake.scenario import Scenario, ScenarioError, load_scenario
+from vnav_drake.zones.errors import PluginError
 
 # Which figures a case of the baseline is about.
 CASES: Mapping[str, tuple[Kind, ...]] = {
@@ -208,6 +211,21 @@ def compare(baseline: Baseline, run: Run) -> Comparison:
         notes=tuple(notes),
         figures=tuple(_figures(baseline, stored, run, same_effort=same_effort)),
     )
+
+
+def compare_folder(baseline: Baseline, folder: Path) -> Comparison:
+    """The result in a finished folder beside the stored run; what it states is taken for true.
+
+    Raises
+    ------
+    EvidenceError : result.json is missing or malformed.
+    """
+    result = evidence.read_result(folder)
+    try:
+        scenario = load_scenario(folder / evidence.SCENARIO)
+    except (ScenarioError, PluginError) as error:
+        return Comparison(scenario=str(result.get("scenario")), faults=(f"what was asked: {error}",))
+    return compare(baseline, run_of(scenario, result))
 
 
 def _verdicts(stored: Entry, run: Run, *, same_effort: bool) -> tuple[list[str], list[str]]:

@@ -169,14 +169,27 @@ def _check(arguments: Sequence[str]) -> int:
     parser.add_argument(
         "--exact", action="store_true", help="check the lower bound's certificate in rational arithmetic"
     )
+    parser.add_argument(
+        "--baseline", type=Path, metavar="FILE", help="fail where figures are worse than the run stored there"
+    )
     parser.add_argument("--quiet", action="store_true", help="print only what failed")
     options = parser.parse_args(arguments)
+    from verify.baseline_file import BaselineError, read_baseline
     from verify.recheck import check_folder
 
     if not _loaded(options.plugin):
         return BAD_INPUT
+    try:
+        baseline = None if options.baseline is None else read_baseline(options.baseline)
+    except BaselineError as error:
+        _complain(str(error))
+        return BAD_INPUT
     return check_folder(
-        options.folder, overrides=dict(options.gate), quiet=options.quiet, exact=options.exact
+        options.folder,
+        overrides=dict(options.gate),
+        quiet=options.quiet,
+        exact=options.exact,
+        baseline=baseline,
     )
 
 

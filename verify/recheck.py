@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from verify import evidence
 from verify.evidence import EvidenceError
@@ -14,6 +15,10 @@ from verify.exit_codes import BAD_INPUT, FAILED, OK
 from verify.judge import Judgement, compare, compare_files, decide, exactly, examine, gate_overrides
 from verify.judge.zones.plugin import differences as other_plugin
 from verify.summary import failures, headline, limits_given
+
+if TYPE_CHECKING:
+    from verify.baseline import Comparison
+    from verify.baseline_file import Baseline
 
 NONE: Mapping[str, float] = MappingProxyType({})
 
@@ -63,12 +68,18 @@ def recheck(folder: Path, overrides: Mapping[str, float] = NONE, *, exact: bool 
 
 
 def check_folder(
-    folder: Path, *, overrides: Mapping[str, float] = NONE, quiet: bool = False, exact: bool = False
+    folder: Path,
+    *,
+    overrides: Mapping[str, float] = NONE,
+    quiet: bool = False,
+    exact: bool = False,
+    baseline: Baseline | None = None,
 ) -> int:
     """Print the judgement, or why the result is refused; returns the exit code.
 
     With `exact` the certificate is checked in rational arithmetic. What it proves is printed, or each
-    reason to refuse it.
+    reason to refuse it. A result that is believed is also held against the `baseline`, where one is given;
+    its compute times are as it states them.
 
     0: judged, and all passed; 1: refused or failed; 2: not a result folder.
     """
@@ -81,16 +92,27 @@ def check_folder(
         for reason in dict.fromkeys(found.reasons):
             print(f"  {reason}")
         return FAILED
-    if found.passed and quiet:
+    beside = None if baseline is None else _beside(baseline, folder)
+    passed = found.passed and (beside is None or beside.passed)
+    if passed and quiet:
         return OK
     print(f"{headline(found.judgement)}  {folder}")
     made = limits_given(found.as_made, but=overrides)
     lines = [f"the result was made with other gate limits: {made}"] if made else []
     lines += failures(found.judgement)
     lines += [line for line in failures(found.as_made) if line.partition(":")[0] not in _names(lines)]
+    if beside is not None:
+        lines += beside.failures + ([] if quiet else beside.remarks)
     for line in [*lines, *_about_bound(found.judgement, exact)]:
         print(f"  {line}")
-    return OK if found.passed else FAILED
+    return OK if passed else FAILED
+
+
+def _beside(baseline: Baseline, folder: Path) -> Comparison:
+    """The result beside the stored run; the only step that reads the scenario as planners do."""
+    from verify.baseline import compare_folder
+
+    return compare_folder(baseline, folder)
 
 
 def _about_bound(judgement: Judgement, exact: bool) -> list[str]:
