@@ -1,9 +1,15 @@
-"""A small result, as result.json holds it, whose figures are easy to tell apart."""
+"""A small result, as result.json holds it, whose figures are easy to tell apart; and runs made of it."""
 
 from __future__ import annotations
 
 from copy import deepcopy
+from dataclasses import replace
 from typing import Any
+
+from verify.baseline import Run
+from verify.judge import Gate, Judgement
+from verify.metrics import metrics
+from verify.suite import Suite
 
 _RESULT: dict[str, Any] = {
     "schema": 1,
@@ -38,3 +44,48 @@ _RESULT: dict[str, Any] = {
 def result() -> dict[str, Any]:
     """A copy of its own for each caller."""
     return deepcopy(_RESULT)
+
+
+def judgement(*gates: Gate, **changes: Any) -> Judgement:
+    """A judgement with these gates; the one that executes `refined` unless told otherwise."""
+    facts: dict[str, Any] = {
+        "scenario": "yard",
+        "scenario_sha256": "0" * 64,
+        "verdict": "refined",
+        "reasons": (),
+        "executed": "refined",
+        "plans": {},
+        "gaps": {},
+        "end_cost": 0.0,
+        "simulation": None,
+        "gates": gates,
+        "checks": (),
+    }
+    return Judgement(**(facts | changes))
+
+
+HELD = Gate(name="analytic_gap", limit=0.01, value=0.002)
+BROKEN = Gate(name="refinement_gap", limit=0.05, value=0.0625)
+NOT_RUN = Gate(name="certified_gap", limit=0.03, reason="not evaluated: no bound")
+NAMED_NOT_RUN = Gate(name="emergency_stops", limit=0.0, reason="not evaluated: no stops", named=True)
+
+
+def run(**changes: Any) -> Run:
+    """What a baseline compares of `result()`."""
+    plain = Run(
+        scenario="yard", question="a" * 64, effort="full", verdict="refined", metrics=metrics(result())
+    )
+    return replace(plain, **changes)
+
+
+def suite(*gates: Gate, **changes: Any) -> Suite:
+    """A suite of one judged run."""
+    facts: dict[str, Any] = {
+        "name": "yard",
+        "file": "scenarios/yard.yaml",
+        "report": "reports/yard/report.html",
+        "judgement": judgement(*(gates or (HELD,))),
+        "run": run(),
+        "version": "0.1.0",
+    }
+    return Suite(**(facts | changes))

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from judged import scenario_bytes
-from metric_case import result
+from metric_case import result, run
 
 from verify.baseline import (
     CASES,
@@ -37,14 +37,6 @@ from verify.metrics import UNIT_OF_KIND, Metric, metrics
 from vnav_drake.scenario import parse_scenario
 
 ASKED = "a" * 64
-
-
-def run(**changes: Any) -> Run:
-    given_result = changes.pop("of", None) or result()
-    plain = Run(
-        scenario="yard", question=ASKED, effort="full", verdict="refined", metrics=metrics(given_result)
-    )
-    return replace(plain, **changes)
 
 
 def stored(first: Run, **tolerances: Tolerance) -> Baseline:
@@ -179,12 +171,12 @@ def test_with_another_effort_compute_times_are_not_compared_and_that_is_told():
 def test_a_figure_that_is_gone_fails_and_a_new_one_is_told():
     less = result()
     del less["plans"]["refined"], less["gaps"]["certified"]
-    found = compare(stored(run()), run(of=less))
+    found = compare(stored(run()), run(metrics=metrics(less)))
     assert found.failures == [
         "baseline travel_time.refined: none, was 25 s",
         "baseline gap.certified: none, was 0.025",
     ]
-    back = compare(stored(run(of=less)), run())
+    back = compare(stored(run(metrics=metrics(less))), run())
     assert back.passed
     assert back.remarks == [
         "baseline travel_time.refined: 25 s, not in the baseline",
@@ -233,7 +225,7 @@ def test_each_kind_of_figure_is_a_case_that_lists_all_that_moved():
     worse["plans"]["refined"]["travel_time"] = 26.0
     worse["plans"]["speed_graph"]["travel_time"] = 21.0
     worse["simulation"]["min_clearance"] = 0.125
-    cases = {case.name: case for case in compare(stored(run()), run(of=worse)).cases}
+    cases = {case.name: case for case in compare(stored(run()), run(metrics=metrics(worse))).cases}
     assert {name: case.status for name, case in cases.items()} == {
         "baseline_run": "passed",
         "baseline_travel_times": "failed",
