@@ -5,11 +5,11 @@ import math
 from typing import Any
 
 import pytest
-import yaml
 from gallery_facts import ZONED, read_motion
 from gallery_runs import FEW, ROOT, verified
 
 from verify.evidence import read_result
+from vnav_drake.scenario import load_scenario
 
 # Exact, derived in the files: 12 m at sqrt(2 a (W - rho) / beta) between the walls; 20 m from rest to rest at
 # most at 2.5 m/s and 1 m/s^2. With uniform braking beta = 1.
@@ -70,5 +70,4 @@ def test_fields_cost_little_and_are_kept(result, folder):
 
 def test_together_they_stop_a_thousand_times():
     files = [ROOT / "scenarios" / f"{name}.yaml" for name in ZONED]
-    stops = [yaml.safe_load(file.read_text())["simulation"]["stops"] for file in files]
-    assert 2 * sum(stops) >= 1000  # two at each instant
+    assert 2 * sum(load_scenario(file).simulation.stops for file in files) >= 1000  # two at each instant
