@@ -1,5 +1,6 @@
 "use strict";
-// Draws the braking zone at one instant on the map and marks that instant in the curves: by pointing or by slider.
+// Draws the braking zone at one instant on the map and marks that instant in the curves: by pointing, by slider, and
+// where the linked views are.
 (() => {
   const box = document.getElementById("zone-viewer");
   if (!box) return;
@@ -44,6 +45,12 @@
     told.textContent = `${data.t[i].toFixed(2)} s, ${data.s[i].toFixed(2)} m, ${data.v[i].toFixed(2)} m/s: ${data.words[data.held[i]]}${gap}`.replace(/-(?=\d)/g, "−");
   }
 
+  // What a hand does here, the linked views follow.
+  function lead(i) {
+    show(i);
+    document.dispatchEvent(new CustomEvent("vnav:time", { detail: { t: data.t[i], source: "zone" } }));
+  }
+
   function place(svg, event) {
     const matrix = svg.getScreenCTM();
     return matrix ? new DOMPoint(event.clientX, event.clientY).matrixTransform(matrix.inverse()) : null;
@@ -60,7 +67,7 @@
       const at = place(svg, event);
       if (!at) return;
       const x = (at.x - frame.x[0]) / frame.x[1], y = (at.y - frame.y[0]) / frame.y[1];
-      show(least((i) => (data.x[i] - x) ** 2 + (data.y[i] - y) ** 2));
+      lead(least((i) => (data.x[i] - x) ** 2 + (data.y[i] - y) ** 2));
     });
   }
   for (const { svg, frame } of curves) {
@@ -68,11 +75,14 @@
       const at = place(svg, event);
       if (!at || at.x < frame.side[0] || at.x > frame.side[1]) return;
       const s = (at.x - frame.x[0]) / frame.x[1];
-      show(least((i) => Math.abs(data.s[i] - s)));
+      lead(least((i) => Math.abs(data.s[i] - s)));
     });
   }
   slider.max = data.s.length - 1;
-  slider.addEventListener("input", () => show(Number(slider.value)));
+  slider.addEventListener("input", () => lead(Number(slider.value)));
+  document.addEventListener("vnav:time", ({ detail }) => {
+    if (detail.source !== "zone") show(least((i) => Math.abs(data.t[i] - detail.t)));
+  });
   box.hidden = false;
   show(Math.floor(data.s.length / 3));
 })();
