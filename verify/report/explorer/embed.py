@@ -158,6 +158,8 @@ def _models(
         margins_plot(margins, time),
         friction_plot(problem, sources, executed, ranks),
     ):
+        for renderer in plot.renderers:  # nothing is ever selected, muted or hovered: no looks for that
+            renderer.update(selection_glyph=None, nonselection_glyph=None, muted_glyph=None)
         document.add_root(plot)
     return dict(document.to_json(deferred=False))
 

@@ -119,7 +119,7 @@
     plots.plots().margins.left[0].axis_label = one ? `${one.name.toLowerCase()} [${one.unit}]` : "left of each limit [%]";
     const words = worst && `least: ${worst.margin.name.toLowerCase()} ${amount(worst.value, one ? one.unit : "%")}`;
     put("least", worst ? { x: [worst.t], y: [worst.value] } : { x: [], y: [] });
-    put("least-words", worst ? { x: [worst.t], y: [worst.value], text: [words], align: [worst.t < 0.2 * data.end ? "left" : worst.t > 0.8 * data.end ? "right" : "center"] } : { x: [], y: [], text: [], align: [] });
+    put("least-words", worst ? { x: [worst.t], y: [worst.value], text: [words], align: [worst.t < 0.3 * data.end ? "left" : worst.t > 0.7 * data.end ? "right" : "center"] } : { x: [], y: [], text: [], align: [] });
     showClassMargin(one);
     for (const button of document.querySelectorAll("[data-margin]")) button.setAttribute("aria-pressed", String(button.dataset.margin === state.margin));
     cursor();
@@ -137,7 +137,8 @@
     line.glyph.line_color = { value: plots.colour(data.tones[key]) };
   }
 
-  const amount = (value, unit) => minus(unit === "%" ? `${value.toFixed(1)} %` : `${value.toFixed(3)} ${unit}`);
+  const digits = (value, count) => minus((Math.abs(value) < 0.5 * 10 ** -count ? 0 : value).toFixed(count));
+  const amount = (value, unit) => (unit === "%" ? `${digits(value, 1)} %` : `${digits(value, 3)} ${unit}`);
 
   // --- the cursor
 
