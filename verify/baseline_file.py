@@ -87,10 +87,12 @@ DEFAULTS: Mapping[str, Tolerance] = MappingProxyType(
         ),
         # One decision of the dynamic window more or less on the way.
         "travel_time.dwa": Tolerance(relative=0.05, other_effort=Spread(relative=0.05)),
-        "bound": Tolerance(relative=5e-3, other_effort=Spread(relative=0.1)),
-        "gap": Tolerance(absolute=1e-3, relative=0.25, other_effort=Spread(absolute=0.03, relative=1.0)),
+        "bound": Tolerance(relative=5e-3, other_effort=Spread(relative=0.02)),
+        "gap": Tolerance(absolute=1e-3, relative=0.25, other_effort=Spread(absolute=0.02, relative=0.25)),
         "constraint_violation": Tolerance(absolute=1e-6, other_effort=Spread(absolute=1e-6)),
         "margin": Tolerance(absolute=5e-3, other_effort=Spread(absolute=0.05)),
+        # A coarser plan is followed less closely, most of all where the floor is slippery.
+        "tracking_error": Tolerance(absolute=5e-3, other_effort=Spread(absolute=0.3)),
         "count": Tolerance(other_effort=Spread()),
         # A busy or smaller machine takes four times as long; short stages have noise of seconds.
         "compute_time": Tolerance(absolute=5.0, relative=3.0),

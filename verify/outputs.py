@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
 from verify.atomic import OutputError, replace_file, usable_folder
 from verify.baseline import compare, entry
@@ -78,18 +77,19 @@ def write_outputs(
     if options.baseline is None:
         return []
     if options.update_baseline:
-        return _updated(options.baseline, suites)
+        return _updated(options, suites)
     return _not_run(options, suites, baseline)
 
 
-def _updated(file: Path, suites: Sequence[Suite]) -> list[str]:
-    """Store the runs that may be; say which, and which not."""
+def _updated(options: argparse.Namespace, suites: Sequence[Suite]) -> list[str]:
+    """Store the runs that may be; say which not, and unless `quiet` which."""
     stored = {suite.name: entry(suite.run) for suite in suites if suite.run is not None and storable(suite)}
     left = [suite.name for suite in suites if suite.name not in stored]
     if stored:
-        update_baseline(file, stored)
-    lines = [f"baseline {file}: stored {', '.join(stored) or 'nothing'}"]
-    return lines + [f"baseline {file}: not stored, as it did not pass: {name}" for name in left]
+        update_baseline(options.baseline, stored)
+    told = [f"stored {', '.join(stored)}"] if stored and not options.quiet else []
+    told += [f"not stored, as it did not pass: {name}" for name in left]
+    return [f"baseline {options.baseline}: {text}" for text in told]
 
 
 def _not_run(options: argparse.Namespace, suites: Sequence[Suite], baseline: Baseline | None) -> list[str]:
