@@ -1,16 +1,17 @@
 """The same scenario gives the same result again, compute times aside."""
 
 import json
+import subprocess
+import sys
 
 import pytest
+import yaml
 from gallery_runs import question, verified
 
 from verify.evidence import read_result
-from verify.pipeline import run_scenario
 from verify.reproducible import COMPUTE_TIMES, reproducible
-from vnav_drake.scenario import parse_scenario
 
-NAME = "single_wall"
+NAMES = ("single_wall", "corridor")  # of a point robot, of four wheels
 
 
 def differences(one, other, place=""):
@@ -26,12 +27,31 @@ def differences(one, other, place=""):
 
 
 @pytest.fixture(scope="module")
-def twice(tmp_path_factory):
-    """A run by the command on all processors, and one from Python on one."""
-    first = verified(NAME, tmp_path_factory)
-    out = tmp_path_factory.mktemp("again")
-    run_scenario(parse_scenario(question(NAME).encode(), f"{NAME}.yaml"), out, workers=1)
-    return first, out / NAME
+def again(tmp_path_factory):
+    """Both once more, at once in processes of their own, with one between them that cannot be planned."""
+    place = tmp_path_factory.mktemp("again")
+    for name in NAMES:
+        (place / f"{name}.yaml").write_text(question(name))
+    shut = yaml.safe_load(question(NAMES[0])) | {"name": "shut"}
+    shut["world"]["obstacles"] = [{"vertices": [[3, 0], [3, 40]]}]  # from one wall to the other
+    (place / "shut.yaml").write_text(yaml.safe_dump(shut))
+    files = [str(place / f"{name}.yaml") for name in (NAMES[0], "shut", NAMES[1])]
+    command = [sys.executable, "-m", "verify", *files, "--out", str(place / "out"), "--jobs", "2"]
+    return subprocess.run(command, capture_output=True, text=True, check=False), place / "out"
+
+
+@pytest.fixture(params=NAMES)
+def twice(request, again, tmp_path_factory):
+    return verified(request.param, tmp_path_factory), again[1] / request.param
+
+
+def test_side_by_side_the_worst_exit_code_wins_and_lines_come_in_the_order_of_the_files(again):
+    done, out = again
+    assert done.returncode == 2  # there is no path in one of them, the others ran
+    assert [line.partition(":")[0] for line in done.stdout.splitlines()] == list(NAMES)
+    assert "shut.yaml" in done.stderr
+    assert "no path" in done.stderr
+    assert sorted(path.name for path in out.iterdir()) == sorted(["index.html", *NAMES])
 
 
 def test_two_runs_give_the_same_result_and_the_same_evidence(twice):
