@@ -45,6 +45,7 @@ def made(tmp_path_factory) -> Path:
 def answers(made, pytester, monkeypatch):
     """Exit code and {case: status} of the command, then of pytest, for changed evidence or text."""
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+    pytester.makeini("[pytest]\n")  # not that of a folder above
 
     def ask(*limits: str, change: Change = lambda _: None, text: bytes | None = None, missing=()):
         def again(asked, out, *, overrides, **_):
@@ -111,8 +112,8 @@ def test_the_run_as_it_is_passes_everywhere(answers):
 
 
 # A numerical optimum differs from a closed form, a way from rest to rest takes longer than the proven cost of
-# its ends, a bound is below what it bounds: all gaps are positive. In a room 8 m wide no clearance is 8 m. Other
-# limits of zero may hold, so that evidence is forged for them.
+# its ends, a bound is below what it bounds: all gaps are positive. In a room 8 m wide no clearance is 8 m.
+# Other limits of zero may hold, so that evidence is forged for them.
 @pytest.mark.parametrize(
     ("name", "limits", "change"),
     [

@@ -31,6 +31,7 @@ def place(pytester, monkeypatch):
     """A folder with two scenarios and a YAML file that is none."""
     monkeypatch.setattr(verify.pytest_session, "attempt", ci_case.finished)
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+    pytester.makeini("[pytest]\n")  # not that of a folder above
     folder = pytester.path / "scenarios"
     folder.mkdir()
     for name in ("good", "bad"):
@@ -244,14 +245,13 @@ def test_a_run_that_was_cut_short_is_not_tried_again(tmp_path):
     assert "cut short" in recorded_once(tmp_path, "s", die).error
 
 
-@pytest.mark.parametrize("spread", ["load", "loadgroup"])
-def test_workers_of_xdist_share_one_run(place, monkeypatch, spread):
+def test_workers_of_xdist_share_one_run(place, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([TESTS, os.environ.get("PYTHONPATH", "")]))
     place.makeconftest(
         "import ci_case, verify.pytest_session\nverify.pytest_session.attempt = ci_case.finished\n"
     )
     result = place.runpytest_subprocess(
-        "--verify", "-n2", "--dist", spread, "-p", "no:cacheprovider", "scenarios", "--junitxml=j.xml"
+        "--verify", "-n2", "--dist", "load", "-p", "no:cacheprovider", "scenarios", "--junitxml=j.xml"
     )
     result.assert_outcomes(passed=2 * len(EVALUATED) - 2, skipped=6, failed=2)
     assert sorted(ci_case.runs(place.path / "reports")) == ["bad", "good"]
