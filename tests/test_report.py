@@ -22,6 +22,7 @@ from report_case import HISTORY, warehouse, write_folder
 
 from verify.report import ReportExtras, write_index, write_report
 from verify.report.evidence import read_evidence
+from verify.report.html import LIBRARY, script
 from vnav_drake.scenario import Scenario
 from vnav_drake.world import World
 
@@ -66,6 +67,10 @@ class Page(HTMLParser):
         return re.sub(r"\s+", " ", " ".join(seen))
 
 
+def without_scripts(text: str) -> str:
+    return re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
+
+
 def extras() -> ReportExtras:
     arc = np.array([[2.0, 2.0], [2.0, 29.0], [14.5, 29.0]])
     return ReportExtras(
@@ -104,17 +109,17 @@ def test_ids_are_unique_and_every_reference_has_its_target(case):
     assert len(ids) == len(set(ids))
     wanted = [a["href"][1:] for _, a in page.elements if a.get("href", "").startswith("#")]
     wanted += [name for _, a in page.elements for name in a.get("aria-labelledby", "").split()]
-    wanted += re.findall(r"url\(#([^)]+)\)", case[3])
+    wanted += [name for _, a in page.elements for v in a.values() for name in re.findall(r"url\(#(.+)\)", v)]
     assert wanted
     assert set(wanted) <= set(ids)
 
 
 def test_nothing_is_loaded_from_elsewhere(case):
-    text = case[3]
+    text = case[3].replace(script(LIBRARY), "")  # which names its own home and that of XML
     page = Page(text)
+    assert not any("src" in attributes for attributes in page.all("script"))
     names = {tag for tag, _ in page.elements}
     assert not names & {
-        "script",
         "link",
         "iframe",
         "object",
@@ -135,14 +140,32 @@ def test_nothing_is_loaded_from_elsewhere(case):
     assert set(re.findall(r"url\((.)", text)) <= {"#"}
 
 
-def test_the_content_policy_allows_the_one_style_sheet_and_nothing_else(case):
-    page = Page(case[3])
+def policy_of(page: Page) -> dict[str, list[str]]:
     policy = next(a["content"] for a in page.all("meta") if a.get("http-equiv") == "Content-Security-Policy")
-    style = re.search(r"<style>(.*?)</style>", case[3], flags=re.DOTALL)
-    digest = base64.b64encode(hashlib.sha256(style[1].encode()).digest()).decode()
-    rules = {rule.split()[0]: rule.split()[1:] for rule in policy.split(";")}
+    return {rule.split()[0]: rule.split()[1:] for rule in policy.split(";")}
+
+
+def hash_of(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+def test_the_content_policy_allows_our_own_scripts_by_their_hashes_and_nothing_to_be_loaded(case):
+    rules = policy_of(Page(case[3]))
+    run = re.findall(r"<script>(.*?)</script>", case[3], flags=re.DOTALL)
+    assert len(run) >= 4
+    assert sorted(rules["script-src"]) == sorted(map(hash_of, run))
     assert rules["default-src"] == ["'none'"]
-    assert rules["style-src"] == [f"'sha256-{digest}'"]
+    assert rules["style-src"] == ["'unsafe-inline'"]  # Bokeh writes styles of its own while it runs
+    assert rules["img-src"] == ["data:"]
+
+
+def test_without_linked_views_the_content_policy_allows_the_one_style_sheet(case, copied):
+    for file in FILES:
+        (copied / file).unlink()
+    text = write(copied, case[1], case[2])
+    page = Page(text)
+    style = re.search(r"<style>(.*?)</style>", text, flags=re.DOTALL)
+    assert policy_of(page)["style-src"] == [hash_of(style[1])]
     assert len(page.all("style")) == 1
     assert not any("style" in attributes for _, attributes in page.elements)
 
@@ -155,7 +178,7 @@ def test_headings_step_down_one_level_at_a_time(case):
 
 
 def test_every_picture_has_a_role_a_title_and_a_description(case):
-    pictures = re.findall(r"<svg.*?</svg>", case[3], flags=re.DOTALL)
+    pictures = re.findall(r"<svg.*?</svg>", without_scripts(case[3]), flags=re.DOTALL)
     drawn = [ET.fromstring(text) for text in pictures]
     named = [svg for svg in drawn if svg.get("aria-hidden") != "true"]
     assert len(named) >= 15
@@ -178,8 +201,21 @@ def test_tables_have_captions_and_headers_with_scope(case):
 
 def test_sections_come_in_the_order_in_which_a_reader_asks(case):
     ids = [a["id"] for tag, a in Page(case[3]).elements if tag == "h2"]
-    assert ids == ["answer", "key-figures", "times", "map", "bound", "speed", "acceleration", "margins",
-                   "mesh", "simulation", "gates", "checks", "not-evaluated", "inputs"]  # fmt: skip
+    assert ids == ["answer", "key-figures", "explore-title", "bound", "times", "stills-title", "mesh",
+                   "simulation", "gates", "checks", "not-evaluated", "inputs"]  # fmt: skip
+    text = case[3]
+    first = [text.index(f'id="{name}"') for name in ("answer", "figure-bracket", "key-figures")]
+    assert first == sorted(first)
+    stills = text[text.index('<details id="stills"') :]
+    stills = stills[: stills.index("</section>")]
+    assert re.findall(r'<h3 class="sub" id="([a-z]+)"', stills) == ["map", "speed", "acceleration", "margins"]
+
+
+def test_what_fails_stands_before_the_three_sentences(case):
+    text = case[3]
+    assert text.index('class="failing"') < text.index('class="lead"')
+    lead = re.search(r'<p class="lead">(.*?)</p>', text, flags=re.DOTALL)[1]
+    assert lead.count("<span>") == 3
 
 
 def test_the_answer_repeats_the_figures_of_the_result(case):
@@ -324,12 +360,14 @@ def test_text_from_files_is_never_markup(tmp_path):
         ReportExtras(history={HOSTILE: HISTORY["refined"]}, timings={HOSTILE: 1.0}),
     )
     page = Page(text)
-    assert not {tag for tag, _ in page.elements} & {"script", "img", "b"}
+    assert not {tag for tag, _ in page.elements} & {"img", "b"}
+    run = re.findall(r"<script>(.*?)</script>", text, flags=re.DOTALL)
+    assert sorted(map(hash_of, run)) == sorted(policy_of(page)["script-src"])  # none but ours
     assert not any(name.startswith("on") for _, attributes in page.elements for name in attributes)
     assert "<script>alert(1)</script>" in page.text  # still readable, as text
     assert page.text.count("{{7*7}}{% raw %}&lt;b&gt; $\\frac{1}{0}$") >= 10  # and never worked out
     assert not re.search("[\u0000-\u0008\u000b-\u001f\u202a-\u202e\u2066-\u2069]", text)
-    for svg in re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL):
+    for svg in re.findall(r"<svg.*?</svg>", without_scripts(text), flags=re.DOTALL):
         ET.fromstring(svg)
 
 

@@ -20,7 +20,7 @@ from test_report import HOSTILE, Page
 from test_report_seeds import ONE
 
 from verify.report import ReportExtras, write_index, write_report
-from verify.report.answer import answer, others
+from verify.report.answer_details import details, others
 from verify.report.space_data import UNIT, space_data
 from verify.report.story import check_rows, executed_plan, travel_times
 from verify.report.story_stuck import stuck_runs
@@ -308,7 +308,7 @@ def test_seeds_shortfalls_and_stuck_runs_stand_in_the_page_with_hostile_words_as
 def baselines(**plans: Any) -> str:
     plans = {"speed_graph": {"travel_time": 20.0}, "refined": {"travel_time": 21.0}} | plans
     result = {"plans": plans}
-    told = [*answer(result, rest_ends=False), *others(result, rest_ends=False)]
+    told = [*details(result, rest_ends=False), *others(result, rest_ends=False)]
     return " ".join(told).replace("\u00a0", " ")
 
 

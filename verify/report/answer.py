@@ -1,12 +1,12 @@
-"""The answer in plain English, generated from the figures of the result."""
+"""The answer in three sentences: how fast, whether anything is faster, whether a vehicle does it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 from verify.report.numbers import (
+    bracket,
     count,
-    fine_percent,
     metres,
     number_in,
     percent,
@@ -18,188 +18,104 @@ from verify.report.palette import method
 from verify.report.story import (
     Result,
     executed_plan,
-    is_stuck,
+    is_executed,
     mapping,
-    optima,
+    strayed,
     travel_times,
     unfinished,
-    verdict,
+    words,
 )
-from verify.report.story_bound import bracket_sentence, full_sentence
-from verify.report.story_classes import certificate
-from verify.report.story_limits import margin_sentence
-from verify.report.story_stops import stops_sentence
-from verify.report.story_times import (
-    ANOTHER_WAY,
-    against_best,
-    against_optimum,
-    broken,
-    compared,
-    goes_astray,
-)
+from verify.report.story_bound import bound_story, full_bound
+from verify.report.story_stops import audit
 from verify.report.text import plain
+from verify.report.wording import VEHICLES
+
+LESS = "<\u00a0"
+SAME = 5e-4  # [s]: what is written with milliseconds does not tell two times apart that are nearer
 
 
-def answer(result: Result, *, rest_ends: bool, through: Sequence[str] = (), lost: str = "") -> list[str]:
-    """The answer in plain English, sentence by sentence.
+def answer(result: Result, *, through: Sequence[str] = (), lost: str = "") -> tuple[str, str, str]:
+    """The answer from the figures of the result, a sentence each, whatever there is and is not.
 
-    `through`: gates that the way was asked to pass; `lost`: where and when a simulated run ended that did
-    not arrive.
+    Parameters
+    ----------
+    result : the content of result.json.
+    through : gates that the way was asked to pass.
+    lost : where and when a simulated run ended that did not arrive, a sentence.
     """
     plan, times = executed_plan(result), travel_times(result)
-    sentences = [_gets_there(result, plan, times)]
-    sentences += _zone(result, plan, times)
-    if through:
-        sentences.append(f"It was asked to pass {', '.join(map(plain, through))}; faster ways may exist.")
-    optimal = next((name for name in optima(result) if name in times), "")
-    optimum = times.get(optimal)
-    if optimum is not None and plan in times and plan != optimal:
-        ends = (
-            ", which knows the braking limit alone and may start and end at the safe speed"
-            if rest_ends
-            else ", which knows the braking limit alone"
-        )
-        ratio = times[plan] / optimum - 1.0
-        near = compared(ratio, "above", "below")
-        sentences.append(f"That is {near} the variational optimum of {seconds(optimum)}{ends}.")
-    sentences += _analytic(result, times)
-    cost, gap = number_in(result, "end_cost"), number_in(result, "gaps", "refinement")
-    if cost is not None and cost > 0.0 and gap is not None:
-        sentences.append(
-            f"Starting and ending as asked costs at least {seconds_proven(cost)}; "
-            f"the motion is {compared(gap, 'above', 'below')} the optimum with that cost added."
-        )
-    sentences += filter(None, [bracket_sentence(result), full_sentence(result)])
-    limits = broken(result, optimal)
-    if limits:
-        repaired = ": the refinement repairs that" if "refined" in times else ""
-        sentences.append(f"The variational optimum itself breaks {limits}{repaired}.")
-    sentences += _held_back(result)
-    sentences += _simulated(result, lost)
-    sentences += filter(None, [stops_sentence(result), margin_sentence(result)])
-    return sentences
-
-
-def _zone(result: Result, plan: str, times: Mapping[str, float]) -> list[str]:
-    """Uniform braking beside the zone, and what its promise is worth, where the zone is no disc."""
-    if mapping(result, "zone").get("isotropic") is not False:
-        return []
-    sentences, uniform = [], times.get("uniform")
-    if uniform is not None and plan in times and plan != "uniform":
-        gained = uniform - times[plan]
-        word = "gains" if gained >= 0.0 else "loses"
-        sentences.append(
-            f"With uniform braking it would take {seconds(uniform)}: the braking zone {word} "
-            f"{seconds(abs(gained))}."
-        )
-    audit = mapping(mapping(result, "zone"), "promise")
-    hits, poses = number_in(audit, "held_collides"), number_in(audit, "poses")
-    if hits and poses:
-        kept = mapping(result, "zone").get("friction_reserve") is True
-        sentences.append(
-            f"From {count(hits)} of {count(poses)} poses on the way a stop with the steering held would run "
-            f"into an obstacle{'' if kept else ': no friction is kept in reserve'}."
-        )
-    return sentences
-
-
-def others(result: Result, *, rest_ends: bool) -> list[str]:
-    """What Voronoi route, vc-method and dynamic window came to, where they are not executed themselves."""
-    return [*_route(result), *_baselines(result, rest_ends=rest_ends)]
-
-
-def _route(result: Result) -> list[str]:
-    times = travel_times(result)
-    route, optimum = (
-        times.get("voronoi_route"),
-        next((times[name] for name in optima(result) if name in times), None),
+    return (
+        _how_fast(result, plan, times, through),
+        _nothing_faster(result, plan, times),
+        _a_vehicle(result, lost),
     )
-    if route is None or optimum is None:
-        return []
-    near = f"{compared(route / optimum - 1.0, 'more than', 'less than')} the variational optimum"
-    near = ANOTHER_WAY if goes_astray(result, "voronoi_route") else near
-    return [f"The fastest route along Voronoi arcs, with exact arc times, takes {seconds(route)}, {near}."]
 
 
-def _gets_there(result: Result, plan: str, times: Mapping[str, float]) -> str:
-    if not plan:
+def _how_fast(result: Result, plan: str, times: Mapping[str, float], through: Sequence[str]) -> str:
+    if plan not in times:
         return "There is no motion to execute: no stage produced a trajectory."
     length = number_in(result, "plans", plan, "length")
     way = f" on a path of {metres(length)}" if length is not None else ""
-    if verdict(result) == "failed":
+    if not is_executed(result):
         name = method(plan).label.lower().replace("voronoi", "Voronoi")
         return f"No trajectory passed all checks; the {name} would take {seconds(times[plan])}{way}."
-    return f"The robot gets there in {seconds(times[plan])}{way}."
+    gates = f" through {', '.join(map(plain, through))}, as asked" if through else ""
+    return f"The robot gets there in {seconds(times[plan])}{way}{gates}{_zone(result, plan, times)}."
 
 
-def _analytic(result: Result, times: Mapping[str, float]) -> list[str]:
-    """The speed graph against the collocation of the same model, where there are both."""
-    one, other, gap = (
-        times.get("speed_graph"),
-        times.get("collocation"),
-        number_in(result, "gaps", "analytic"),
-    )
-    if one is None or other is None or gap is None:
-        return []
-    proven = certificate(result)
-    words = f"The speed graph's {seconds(one)}{f' is {proven} and' if proven else ''}"
-    return [
-        f"{words} compares with {seconds(other)} of the collocation of the same model: "
-        f"gap {fine_percent(gap)}."
-    ]
+def _zone(result: Result, plan: str, times: Mapping[str, float]) -> str:
+    """What the braking zone gains, where it is no disc."""
+    uniform = times.get("uniform")
+    if mapping(result, "zone").get("isotropic") is not False or uniform is None or plan == "uniform":
+        return ""
+    gained = uniform - times[plan]
+    if abs(gained) < SAME:
+        return ", no sooner than with uniform braking"
+    return f", {seconds(abs(gained))} {'sooner' if gained > 0.0 else 'later'} than with uniform braking"
 
 
-def _baselines(result: Result, *, rest_ends: bool) -> list[str]:
-    """The vc-method and the dynamic window, where they were run and are not executed themselves."""
-    sentences, times, plan = [], travel_times(result), executed_plan(result)
-    for name, title in (("vc_method", "vc-method"), ("dwa", "dynamic window")):
-        if is_stuck(result, name):
-            sentences.append(f"The {title} got stuck and did not reach the goal.")
-        elif name in times and name != plan:
-            parts = [f"The {title} takes {seconds(times[name])}"]
-            if name == "vc_method":
-                best = against_best(result, name, rest_ends=rest_ends)
-                optimum = against_optimum(result, name)
-                free = "which may start and end at the safe speed" if best and optimum else ""
-                parts += [best, optimum, free]
-            if goes_astray(result, name):
-                parts.append(ANOTHER_WAY)
-            limits = broken(result, name)
-            parts.append(f"but breaks {limits}" if limits else "")
-            sentences.append(", ".join(filter(None, parts)) + ".")
-    return sentences
+def _nothing_faster(result: Result, plan: str, times: Mapping[str, float]) -> str:
+    """What is proven about every motion, and how near to that this one is."""
+    missing = bound_story(result).missing
+    proven, full = number_in(result, "lower_bound", "travel_time"), full_bound(result)
+    if missing or proven is None or full is None:
+        return f"Nothing proves that no motion is faster: {_cause(missing)}."
+    model = words(mapping(mapping(result, "plans"), plan).get("model"))
+    least = full if plan == "refined" or model == "full" else proven
+    ends = " with these ends" if least > proven else ""
+    time = times.get(plan)
+    if time is None or time < least:  # what breaks a limit may well be faster
+        return f"That no motion{ends} can take less than {seconds_proven(least)} is proven."
+    low, high = bracket(least, time)
+    more = f"{percent(time / least - 1.0)} more" if time - least >= SAME else f"{high}, as good as that"
+    return f"No motion{ends} can take less than {low}, which is proven; this one takes {more}."
 
 
-def _held_back(result: Result) -> list[str]:
-    """What was kept for the controller, where a plan at the limits could not be followed."""
-    share, before, after = (
-        number_in(result, "plans", "refined", key)
-        for key in ("limit_share", "full_limit_time", "travel_time")
-    )
-    if share is None or before is None:
-        return []
-    cost = "" if after is None or before <= 0.0 else f", which takes {_longer(after / before - 1.0)}"
-    return [
-        f"At the very limits ({seconds(before)}) the simulated vehicle could not follow, so the motion was "
-        f"planned again with {100.0 * share:g}\u00a0% of grip, tip-over, steering and drive limits{cost}."
-    ]
+def _cause(missing: str) -> str:
+    """Why nothing is proven, up to the reason: that stands where the bound would."""
+    return "the certificate is refused" if "refused" in missing else "there is no lower bound"
 
 
-def _longer(ratio: float) -> str:
-    return f"{percent(ratio)} longer" if ratio >= 0.0 else f"{percent(-ratio)} less long"
-
-
-def _bound(length: float) -> str:
-    return with_unit(length, "m").removeprefix("<\u00a0")
-
-
-def _simulated(result: Result, lost: str) -> list[str]:
+def _a_vehicle(result: Result, lost: str) -> str:
     word = unfinished(result)
     if word:
-        return [lost or f"In simulation the vehicle {word}."]
+        return lost or f"In simulation the vehicle {word}."
     time = number_in(result, "simulation", "travel_time")
-    error = number_in(result, "simulation", "max_tracking_error")
     if time is None:
-        return []
-    text = f"In simulation the vehicle took {seconds(time)}"
-    return [text + (f" and stayed within {_bound(error)} of the plan." if error is not None else ".")]
+        return "Whether a vehicle can drive it is open: nothing was simulated."
+    model = words(mapping(result, "simulation").get("model"))
+    vehicle = VEHICLES.get(model.replace("-", "_"), "vehicle")
+    error = number_in(result, "simulation", "max_tracking_error")
+    within = "" if error is None else f" within {with_unit(error, 'm').removeprefix(LESS)} of the plan"
+    if strayed(result):
+        within = ", but did not follow the plan"
+    return f"In simulation a {vehicle} drove it in {seconds(time)}{within}{_stops(result)}."
+
+
+def _stops(result: Result) -> str:
+    found = audit(result)
+    tried, bad = number_in(found, "tried"), number_in(found, "bad")
+    if tried is None or bad is None:
+        return "; emergency stops were not judged"
+    stops = f"{count(tried)} emergency stops on the way"
+    return f", and none of {stops} failed" if bad == 0.0 else f"; {count(bad)} of {stops} failed"

@@ -67,6 +67,7 @@ def _map(
             *thinned_path(item.points[:, 0], item.points[:, 1], world.diameter),
             color=rank_tone(item.rank).light,
             lw=broad,
+            gid=f"class-{item.rank}",
         )
     draw_ends(axes, problem, classes[0].motion if classes else None)
     room = LABEL_ROOM * float(np.ptp(world.bounds[::2])) / width
@@ -102,7 +103,8 @@ def _spread(points: Array, most: int) -> Array:
 
 def _number(axes: Axes, rank: int, place: Array) -> None:
     tone = rank_tone(rank)
-    axes.plot(*place, "o", ms=15, mfc=PAPER.light, mec=tone.light, mew=2.2, zorder=6)
+    gid = f"class-{rank}"
+    axes.plot(*place, "o", ms=15, mfc=PAPER.light, mec=tone.light, mew=2.2, zorder=6, gid=gid)
     axes.annotate(
         str(rank),
         (place[0], place[1]),
@@ -112,6 +114,7 @@ def _number(axes: Axes, rank: int, place: Array) -> None:
         weight="bold",
         color=INK.light,
         zorder=7,
+        gid=gid,
     )
 
 
@@ -146,6 +149,7 @@ def _speeds(
     end = max(motion.travel_time for _, motion in moving)
     top = 1.15 * max(float(motion.v.max()) for _, motion in moving)
     for axes, (item, motion) in zip(every, moving, strict=True):
+        axes.set_gid(f"class-{item.rank}")
         t, _, v, _ = in_steps(motion, 2)
         tone = rank_tone(item.rank)
         axes.plot(*thinned(t, v, 220), color=tone.light, lw=1.8)
@@ -204,7 +208,7 @@ def _convergence(key: str, title: str, unit: str, curves: Sequence[tuple[int, Ar
     figure, axes = new_axes(PANEL, 0.62 * PANEL, x="iteration of Newton's method", y=unit)
     labelled = []
     for rank, x, y in reversed(curves):
-        axes.plot(x, y, "o-", color=rank_tone(rank).light, lw=1.6, ms=4.5)
+        axes.plot(x, y, "o-", color=rank_tone(rank).light, lw=1.6, ms=4.5, gid=f"class-{rank}")
         labelled.append(Curve(x=x, y=y, text=str(rank), colour=INK.light))
     low, high = (f([f(y) for _, _, y in curves]) for f in (min, max))
     longest = int(max(x[-1] for _, x, _ in curves))

@@ -123,6 +123,10 @@ STOPPED: Mapping[str, str] = MappingProxyType(
 )
 
 # Why a run gave up on its way, by the words in result.json.
+VEHICLES: Mapping[str, str] = MappingProxyType(
+    {"four_wheel": "four-wheeled vehicle", "single_track": "single-track vehicle"}
+)
+
 STUCK: Mapping[str, str] = MappingProxyType(
     {
         "no_admissible_arc": "no arc lets it stop safely",
