@@ -47,7 +47,14 @@ def answers(made, pytester, monkeypatch):
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
     pytester.makeini("[pytest]\n")  # not that of a folder above
 
-    def ask(*limits: str, change: Change = lambda _: None, text: bytes | None = None, missing=()):
+    def ask(
+        *limits: str,
+        change: Change = lambda _: None,
+        text: bytes | None = None,
+        missing=(),
+        faster=None,
+        options=(),
+    ):
         def again(asked, out, *, overrides, **_):
             folder = out / asked.name
             shutil.rmtree(folder, ignore_errors=True)
@@ -62,11 +69,22 @@ def answers(made, pytester, monkeypatch):
         monkeypatch.setattr(pipeline, "run_scenario", again)
         file = pytester.path / "s.yaml"
         file.write_bytes(scenario_bytes(**CHANGES) if text is None else text)
-        gates = [part for limit in limits for part in ("--gate", limit)]
+        gates = [*options, *(part for limit in limits for part in ("--gate", limit))]
+        if faster is not None:
+            store("baseline.json", str(file), faster)
+            gates += ["--baseline", "baseline.json"]
         code = main([str(file), "--out", "reports", "--junit", "command.xml", *gates])
-        gates = [part for limit in limits for part in ("--verify-gate", limit)]
+        gates = [part.replace("--", "--verify-") for part in gates]
         ended = pytester.runpytest_inprocess("--verify", "--junitxml=pytest.xml", *gates, file.name)
         return code, statuses("command.xml"), int(ended.ret), statuses("pytest.xml")
+
+    def store(name: str, file: str, faster: float) -> None:
+        """This run as a baseline, but that everything took `faster` times as long then."""
+        assert main([file, "--out", "reports", "--baseline", name, "--update-baseline"]) == 0
+        document = json.loads((pytester.path / name).read_text())
+        figures = document["scenarios"][NAME]["metrics"]
+        figures |= {key: value * faster for key, value in figures.items() if key.startswith("travel_time.")}
+        (pytester.path / name).write_text(json.dumps(document))
 
     def statuses(name: str) -> dict[str, str]:
         cases = ElementTree.parse(pytester.path / name).iter("testcase")
@@ -177,6 +195,25 @@ def test_a_stage_that_only_serves_a_gate_that_nobody_named_fails_nothing(answers
     code, junit, ended, items = answers(change=without(evidence.CERTIFICATE), missing=(stage,))
     assert (code, ended) == (0, 0)
     assert junit == items
+
+
+@pytest.mark.parametrize(("faster", "expected"), [(0.5, 1), (1.0, 0), (2.0, 0)])
+def test_a_run_slower_than_the_stored_one_fails_everywhere(answers, faster, expected):
+    code, junit, ended, items = answers(faster=faster)
+    assert (code, ended) == (expected, expected)
+    assert bad(junit) == ({"baseline_travel_times"} if expected else set())
+    assert bad(items) == ({"baseline"} if expected else set())
+    # one item stands for all cases of the baseline
+    assert {name: s for name, s in junit.items() if not name.startswith("baseline")} == {
+        name: s for name, s in items.items() if name != "baseline"
+    }
+
+
+def test_a_scenario_that_the_baseline_does_not_hold_fails_everywhere(answers, pytester):
+    (pytester.path / "empty.json").write_text('{"schema": 1, "scenarios": {}}')
+    code, junit, ended, items = answers(options=["--baseline", "empty.json"])
+    assert (code, ended) == (1, 1)
+    assert (bad(junit), bad(items)) == ({"baseline_run"}, {"baseline"})
 
 
 def test_bad_input_is_an_error_everywhere(answers):

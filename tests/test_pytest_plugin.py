@@ -31,6 +31,7 @@ def place(pytester, monkeypatch):
     """A folder with two scenarios and a YAML file that is none."""
     monkeypatch.setattr(verify.pytest_session, "attempt", ci_case.finished)
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+    monkeypatch.delenv("CI", raising=False)  # where it is set, pytest folds nothing
     pytester.makeini("[pytest]\n")  # not that of a folder above
     folder = pytester.path / "scenarios"
     folder.mkdir()
