@@ -20,6 +20,7 @@ from types import FrameType, TracebackType
 from typing import Any, Self
 
 from verify import evidence
+from verify.by_products import by_products
 from verify.evidence import MODEL_OF_PLAN, EvidenceError
 
 UNLISTED = "unlisted_trajectories"  # where trajectory files go that are not ours: trajectories/ is evidence
@@ -216,7 +217,7 @@ class ResultFolder:
     def _carry_over(self) -> None:
         """Bring files of the old folder that this program did not write."""
         ours = {evidence.RESULT, evidence.SCENARIO, evidence.REPORT, evidence.EXECUTED, evidence.SIMULATION}
-        ours |= {evidence.CERTIFICATE}
+        ours |= {evidence.CERTIFICATE} | by_products(self.final)
         ours |= {f"{evidence.TRAJECTORIES}/{plan}.csv" for plan in MODEL_OF_PLAN}
         try:
             listed = evidence.read_result(self.final).get("files")

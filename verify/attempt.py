@@ -13,6 +13,7 @@ from shapely.errors import ShapelyError
 
 from verify import evidence
 from verify.atomic import OutputError, locked
+from verify.by_products import FigureFormat
 from verify.evidence import EvidenceError
 from verify.exit_codes import BAD_INPUT, UNFINISHED
 from vnav_drake.scenario import Scenario, ScenarioError, load_scenario
@@ -75,11 +76,17 @@ def load(file: Path, others: Iterable[Scenario]) -> Scenario:
 
 
 def attempt(
-    scenario: Scenario, out: Path, overrides: Mapping[str, float], say: Say, workers: int | None = None
+    scenario: Scenario,
+    out: Path,
+    overrides: Mapping[str, float],
+    say: Say,
+    workers: int | None = None,
+    figures: FigureFormat | None = None,
 ) -> Attempt:
     """Run one scenario as `run_scenario` does, and bring the index up to date. Only interruptions pass.
 
-    `workers` are processes that share the simulations; None: one for each processor.
+    `workers` are processes that share the simulations; None: one for each processor. `figures`:
+    a format in which the report's pictures are written too.
     """
     name = scenario.name
     try:
@@ -91,7 +98,12 @@ def attempt(
         logging.getLogger("drake").setLevel(logging.WARNING)
         with Watched():
             outcome = run_scenario(
-                scenario, out, overrides=overrides, say=say, workers=workers or processors()
+                scenario,
+                out,
+                overrides=overrides,
+                say=say,
+                workers=workers or processors(),
+                figures=figures,
             )
         _write_index(out)
     except (ScenarioError, OutputError) as error:

@@ -45,6 +45,7 @@ def run_files(options: argparse.Namespace) -> int:
             progress.say,
             jobs=options.jobs,
             plugins=options.plugin,
+            figures=options.figures,
         )
         with contextlib.closing(runs):
             for done in runs:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from importlib import metadata
 from pathlib import Path
 
+from verify.by_products import FIGURE_FORMATS
 from verify.exit_codes import BAD_INPUT, OK, UNFINISHED
 
 RESERVED = ("sweep", "import")
@@ -103,6 +104,9 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument(
         "--jobs", type=_jobs, default=1, metavar="N", help="scenarios that run at once (default: 1)"
+    )
+    parser.add_argument(
+        "--figures", choices=FIGURE_FORMATS, help="also write each picture of the report as a file for papers"
     )
     loudness = parser.add_mutually_exclusive_group()
     loudness.add_argument("--quiet", action="store_true", help="print only what failed")

@@ -14,6 +14,7 @@ import numpy as np
 from verify import evidence
 from verify.atomic import ResultFolder
 from verify.bounding import about
+from verify.by_products import THUMBNAIL, FigureFormat
 from verify.choosing import drive_as_planned, optimum_to_execute
 from verify.driving import (
     about_studies,
@@ -30,7 +31,8 @@ from verify.field_stage import FieldPlanner, write_fields
 from verify.interruption import Interruption
 from verify.judge import Judgement, judge
 from verify.planning import plan_everything
-from verify.report import ReportExtras, SpeedGraphDrawing, write_report
+from verify.previous import keep_previous
+from verify.report import ReportExtras, SpeedGraphDrawing, executed_thumbnail, write_report
 from verify.stages import Missing, Progress, Say, Stages
 from verify.vc_drawing import vc_drawing
 from verify.versions import versions
@@ -70,6 +72,7 @@ def run_scenario(
     overrides: Mapping[str, float] | None = None,
     say: Say = lambda _text: None,
     workers: int = 1,
+    figures: FigureFormat | None = None,
 ) -> Outcome:
     """Plan, simulate, judge and report one scenario into `out/<name>/`, whole or not at all.
 
@@ -79,6 +82,7 @@ def run_scenario(
     say : is told what is being done.
     workers : processes that may share the simulations; with more than one, the main part of a script must be
         guarded, as `multiprocessing` asks. Results do not depend on it.
+    figures : also write the report's pictures as files for papers.
 
     Raises
     ------
@@ -97,7 +101,7 @@ def run_scenario(
                         interruption=interruption,
                         workers=workers,
                     )
-                    return _fill(folder, stages, overrides or {})
+                    return _fill(folder, stages, overrides or {}, figures)
             finally:  # once more, where a signal struck before the folder's own tidying up had begun
                 folder.discard()
     finally:
@@ -109,7 +113,9 @@ def _heeding(interruption: Interruption, say: Say, text: str) -> None:
     say(text)
 
 
-def _fill(folder: ResultFolder, stages: Stages, overrides: Mapping[str, float]) -> Outcome:
+def _fill(
+    folder: ResultFolder, stages: Stages, overrides: Mapping[str, float], figures: FigureFormat | None
+) -> Outcome:
     scenario = stages.scenario
     done = stages.done
     plan_everything(stages, overrides)
@@ -127,9 +133,12 @@ def _fill(folder: ResultFolder, stages: Stages, overrides: Mapping[str, float]) 
         result=result,
         folder=folder.work,
         extras=_extras(scenario, done),
+        figures=figures,
     )
+    _write_thumbnail(folder.work, scenario, done)
     result["files"] = evidence.manifest(folder.work)
     evidence.write_result(folder.work, result)
+    keep_previous(folder.final, folder.work)
     folder.publish()
     return Outcome(
         judgement=judgement,
@@ -199,6 +208,13 @@ def _judged(stages: Stages, folder: FilePath, overrides: Mapping[str, float]) ->
     seconds = stages.done.seconds
     seconds["judge"] = seconds.get("judge", 0.0) + time.perf_counter() - begun
     return judgement
+
+
+def _write_thumbnail(folder: FilePath, scenario: Scenario, done: Progress) -> None:
+    """The executed path, or the world alone."""
+    plan = None if done.executed is None else done.plans[done.executed]
+    text = executed_thumbnail(scenario.problem, None if plan is None else (plan.method, plan.trajectory))
+    (folder / THUMBNAIL).write_text(text, encoding="utf-8", newline="\n")
 
 
 def _write_evidence(folder: FilePath, scenario: Scenario, done: Progress) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from verify.attempt import Attempt, attempt
+from verify.by_products import FigureFormat
 from verify.exit_codes import BAD_INPUT, UNFINISHED
 from verify.interruption import Interruption
 from vnav_drake.scenario import Scenario, ScenarioError, parse_scenario
@@ -25,24 +26,25 @@ def attempts(
     *,
     jobs: int = 1,
     plugins: Sequence[str] = (),
+    figures: FigureFormat | None = None,
 ) -> Generator[Attempt, None, None]:
     """What became of each scenario, in their order, each as soon as those before it are done.
 
     Parameters
     ----------
-    out, overrides, say : as of `attempt`.
+    out, overrides, say, figures : as of `attempt`.
     jobs : how many run at once. They share the processors; results do not depend on it.
     plugins : modules whose braking zones the scenarios may name, for processes to import.
     """
     if jobs <= 1 or len(scenarios) <= 1:
         for scenario in scenarios:
-            yield attempt(scenario, out, overrides, say)
+            yield attempt(scenario, out, overrides, say, figures=figures)
         return
     from systems.parallel import WorkerError, as_finished, processors
 
     share = max(1, processors() // min(jobs, len(scenarios)))
     tasks = [
-        (s.name, s.data, str(s.source or s.name), out, dict(overrides), share, tuple(plugins))
+        (s.name, s.data, str(s.source or s.name), out, dict(overrides), share, tuple(plugins), figures)
         for s in scenarios
     ]
     done: dict[int, Attempt] = {}
@@ -72,6 +74,7 @@ def _attempt(
     overrides: Mapping[str, float],
     workers: int,
     plugins: Sequence[str],
+    figures: FigureFormat | None,
 ) -> Attempt:
     """In a process of its own, which reads the scenario again: plugins' zones need not be picklable."""
     from vnav_drake.zones.plugins import load_plugin
@@ -82,7 +85,7 @@ def _attempt(
         scenario = parse_scenario(data, where)
     except (ScenarioError, PluginError) as error:
         return Attempt(name=name, exit_code=BAD_INPUT, error=str(error))
-    return attempt(scenario, out, overrides, lambda _text: None, workers)
+    return attempt(scenario, out, overrides, lambda _text: None, workers, figures)
 
 
 def _lost(name: str, error: Exception) -> Attempt:

@@ -1,6 +1,7 @@
 """The report: one self-contained HTML page a scenario, and an index of all of them."""
 
 from verify.report.drawings import ClassDrawing, GraphDrawing, SpeedGraphDrawing, VcDrawing
+from verify.report.executed_thumbnail import executed_thumbnail
 from verify.report.index import write_index
 from verify.report.page import ReportExtras, write_report
 
@@ -10,6 +11,7 @@ __all__ = [
     "ReportExtras",
     "SpeedGraphDrawing",
     "VcDrawing",
+    "executed_thumbnail",
     "write_index",
     "write_report",
 ]

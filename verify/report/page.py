@@ -33,6 +33,7 @@ from verify.report.zone_sections import VIEWER as ZONE_VIEWER
 from verify.report.zone_sections import motion_zone, zone_of, zone_sections
 
 if TYPE_CHECKING:
+    from verify.by_products import FigureFormat
     from vnav_drake.scenario import Scenario
     from vnav_drake.voronoi import VoronoiDiagram
 
@@ -56,7 +57,13 @@ class ReportExtras:
 
 
 def write_report(
-    file: Path, *, scenario: Scenario, result: Mapping[str, Any], folder: Path, extras: ReportExtras
+    file: Path,
+    *,
+    scenario: Scenario,
+    result: Mapping[str, Any],
+    folder: Path,
+    extras: ReportExtras,
+    figures: FigureFormat | None = None,
 ) -> None:
     """Write the report of one scenario to `file`, whole or not at all.
 
@@ -67,10 +74,11 @@ def write_report(
     result : the content of result.json; every figure of the verdict comes from here.
     folder : the result folder with the trajectories; what is missing there is named in the page.
     extras : what only pictures need.
+    figures : also write every picture into `folder/figures`, for papers.
 
     Raises
     ------
-    OSError : the file cannot be written.
+    OSError : a file cannot be written.
     """
     evidence, problem = read_evidence(folder), scenario.problem
     plan = evidence.executed_plan or "refined"
@@ -82,14 +90,13 @@ def write_report(
     certificate = (None, unproven) if unproven else read_bound(folder)
     linked = explorer_sections(problem, result, evidence, extras, along, certificate)
     classes = class_sections(problem, result, extras.speed_graph)
-    text = render(
-        "report.html",
-        scripts=[
-            *([PICKER] if classes["classes"] else []),
-            *explorer_scripts(linked),
-            *([] if extras.vc_method is None else [VIEWER]),
-            *([] if along is None else [ZONE_VIEWER]),
-        ],
+    scripts = [
+        *([PICKER] if classes["classes"] else []),
+        *explorer_scripts(linked),
+        *([] if extras.vc_method is None else [VIEWER]),
+        *([] if along is None else [ZONE_VIEWER]),
+    ]
+    values: dict[str, Any] = dict(
         name=scenario.name,
         description=scenario.description,
         undone=by_section(result),
@@ -119,4 +126,8 @@ def write_report(
         files=sorted((str(k), story.words(v)) for k, v in story.mapping(result, "files").items()),
         glossary=GLOSSARY,
     )
-    write_whole(file, text)
+    write_whole(file, render("report.html", scripts=scripts, **values))
+    if figures is not None:
+        from verify.report.paper import write_figures  # its libraries are for those who ask
+
+        write_figures(folder, values.values(), figures, name=scenario.name)
