@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import numpy as np
-from bokeh.models import ColumnDataSource, Label, Range1d, Span
+from bokeh.models import ColumnDataSource, Range1d
+from bokeh.models.annotations import Label, Span
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from verify.report.explorer.motions import DrawnMargin, DrawnMotion
-from verify.report.explorer.plots import LETTERS, OVER, WORDS, dashes, empty, new_plot
+from verify.report.explorer.plots import GROUND, LETTERS, OVER, WORDS, dashes, empty, new_plot
 from verify.report.palette import HOLDING, INK, LIMIT, MUTED, PAPER, Tone, method, rank_tone
 from vnav_drake.problem import Problem
 
@@ -43,7 +45,12 @@ def speed_plot(
     disc = problem.zone is None
     top = HIGH * max(float(v.max()), float(np.nanmax(safe)) if disc else 0.0, 1e-3)
     plot = new_plot(
-        "speed", "time [s]", "speed [m/s]", x_range=time, y_range=Range1d(0.0, top), tools="xpan,xwheel_zoom"
+        "speed",
+        "time [s]",
+        "speed [m/s]",
+        x_range=time,
+        y_range=Range1d(start=0.0, end=top),
+        tools="xpan,xwheel_zoom",
     )
     for key, source in sources.items():
         if key.startswith("plan-") and key != executed:
@@ -85,7 +92,7 @@ def speed_plot(
 def margins_plot(margins: Sequence[DrawnMargin], time: Range1d) -> figure:
     """The share of each limit that is left, or one margin in its unit; which, the script decides."""
     plot = new_plot(
-        "margins", "time [s]", "left of each limit [%]", x_range=time, y_range=Range1d(-6.0, 106.0),
+        "margins", "time [s]", "left of each limit [%]", x_range=time, y_range=Range1d(start=-6.0, end=106.0),
         tools="xpan,xwheel_zoom",
     )  # fmt: skip
     _level(plot, 0.0)
@@ -103,11 +110,11 @@ def margins_plot(margins: Sequence[DrawnMargin], time: Range1d) -> figure:
         "x", "y", source=empty("least", "x", "y"), size=13, marker="circle", fill_color=None,
         line_color=INK.light, line_width=1.8,
     )  # fmt: skip
-    plot.text(
+    words = plot.text(
         "x", "y", text="text", source=empty("least-words", "x", "y", "text", "align"), y_offset=-10,
-        text_align="align", text_color=INK.light, background_fill_color=PAPER.light,
-        background_fill_alpha=0.7, **LETTERS,
+        text_align="align", text_color=INK.light, **LETTERS,
     )  # fmt: skip
+    words.glyph.update(**GROUND)
     _time_cursor(plot, "margins")
     return plot
 
@@ -116,7 +123,7 @@ def friction_plot(problem: Problem, sources: Sources, executed: str, ranks: Sequ
     """Acceleration across and along the path in the friction circle, with all its limits."""
     robot = problem.robot
     plot = new_plot("friction", "across the path v²κ [m/s²], left positive", "along the path a [m/s²]",
-                    x_range=Range1d(-1.0, 1.0), y_range=Range1d(-1.0, 1.0))  # fmt: skip
+                    x_range=Range1d(start=-1.0, end=1.0), y_range=Range1d(start=-1.0, end=1.0))  # fmt: skip
     grip = robot.friction_acceleration
     _circle(plot, grip, LIMIT.light, LIMIT_DASH)
     _circle(plot, robot.max_braking, MUTED.light, [2, 3])
@@ -210,14 +217,13 @@ def _words(
     words: str,
     colour: str,
     *,
-    align: str = "center",
+    align: Literal["left", "right", "center"] = "center",
     below: bool = False,
 ) -> None:
     plot.add_layout(
         Label(
             x=at[0], y=at[1], text=words, text_color=colour, text_align=align, y_offset=-3 if below else 3,
-            text_baseline="top" if below else "bottom", background_fill_color=PAPER.light,
-        background_fill_alpha=0.7, **WORDS,
+            text_baseline="top" if below else "bottom", **GROUND, **WORDS,
         )
     )  # fmt: skip
 

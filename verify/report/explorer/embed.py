@@ -150,7 +150,7 @@ def _models(
         key: empty(f"motion-{key}", *_drawn_columns(item)) for key, item in motions.items()
     }
     own = motions[executed]
-    time = Range1d(0.0, own.end, bounds=(0.0, _longest(motions)), name="time")
+    time = Range1d(start=0.0, end=own.end, bounds=(0.0, _longest(motions)), name="time")
     document = Document(title="")
     for plot in (
         map_plot(problem, sources, executed, ranks, top),

@@ -6,13 +6,14 @@ Colours are those of a light ground; the script turns each into its variable of 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import matplotlib
 import numpy as np
 import shapely
 from bokeh.core.properties import value
-from bokeh.models import ColorBar, ColumnDataSource, LinearColorMapper, Range1d, ScaleBar
+from bokeh.models import ColumnDataSource, LinearColorMapper, Range1d
+from bokeh.models.annotations import ColorBar, ScaleBar
 from bokeh.plotting import figure
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
@@ -42,9 +43,13 @@ from vnav_drake.world import World
 Array = NDArray[np.float64]
 
 FONT = "system-ui, sans-serif"
-LETTERS = {"text_font": value(FONT), "text_font_size": "12px"}
-WORDS = {"text_font": FONT, "text_font_size": "12px"}  # of annotations, where a font is no column
-OVER = "overlay"  # painted alone when the cursor moves
+LETTERS: dict[str, Any] = {"text_font": value(FONT), "text_font_size": "12px"}
+WORDS: dict[str, Any] = {
+    "text_font": FONT,
+    "text_font_size": "12px",
+}  # of annotations, where a font is no column
+GROUND: dict[str, Any] = {"background_fill_color": PAPER.light, "background_fill_alpha": 0.7}  # below words
+OVER: Final = "overlay"  # painted alone when the cursor moves
 
 
 def new_plot(name: str, x: str, y: str, **more: Any) -> figure:
@@ -81,7 +86,9 @@ def map_plot(
     problem: Problem, motions: Mapping[str, ColumnDataSource], executed: str, ranks: Sequence[int], top: float
 ) -> figure:
     """The world with all that can be laid over it; of `motions` `executed` is coloured."""
-    plot = new_plot("map", "x [m]", "y [m]", x_range=Range1d(0.0, 1.0), y_range=Range1d(0.0, 1.0))
+    plot = new_plot(
+        "map", "x [m]", "y [m]", x_range=Range1d(start=0.0, end=1.0), y_range=Range1d(start=0.0, end=1.0)
+    )
     plot.grid.grid_line_color = None
     _world(plot, problem.world)
     for key, colour, width in (
@@ -108,7 +115,7 @@ def map_plot(
     _lines(plot, "stops-bad", LIMIT.light, 2.6)
     plot.scatter(
         "x", "y", source=empty("bad-places", "x", "y"), name="stops-bad-places", marker="x", size=11,
-        line_color=LIMIT.light, line_width=3, visible=False,
+        fill_color=None, line_color=LIMIT.light, line_width=3, visible=False,
     )  # fmt: skip
     _ends(plot, problem)
     _cursor(plot, problem)
@@ -208,11 +215,11 @@ def _ends(plot: figure, problem: Problem) -> None:
         x=points[:, 0], y=points[:, 1], marker=["circle", "x"], size=[6, 9], fill_color=INK.light,
         line_color=INK.light, line_width=2,
     )  # fmt: skip
-    plot.text(
+    words = plot.text(
         x=points[:, 0], y=points[:, 1], text=["start", "goal"], x_offset=9, y_offset=-7,
-        text_color=INK.light, text_font_style="bold", background_fill_color=PAPER.light,
-        background_fill_alpha=0.7, **LETTERS,
+        text_color=INK.light, text_font_style="bold", **LETTERS,
     )  # fmt: skip
+    words.glyph.update(**GROUND)
 
 
 def _cursor(plot: figure, problem: Problem) -> None:
