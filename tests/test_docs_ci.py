@@ -34,7 +34,7 @@ ACTION: dict[str, Any] = yaml.safe_load((ROOT / "action.yml").read_text(encoding
 STEPS = ACTION["runs"]["steps"]
 MARK = "\x1e"  # between the output of one block and the next
 
-# The report is drawn by the page's first command, and not again by those that follow.
+# Drawing the report takes most of a small run, and has tests of its own.
 UNDRAWN = """\
 from verify import pipeline
 pipeline.write_report = lambda file, **_: file.write_text("not drawn")
@@ -43,11 +43,12 @@ SET_UP = f"""#!/usr/bin/env bash
 set -euo pipefail
 cd "$(dirname "${{BASH_SOURCE[0]}}")/.."
 mkdir -p "$1/bin"
-echo 'PATH={Path(sys.executable).parent}:$PATH' >"$1/bin/activate"
-cp "$LIBRARY/python" "$1/bin/python"
+for program in python verify; do cp "$LIBRARY/python" "$1/bin/$program"; done
+echo "PATH=$PWD/$1/bin:{Path(sys.executable).parent}:$PATH" >"$1/bin/activate"
 """
 PYTHON = f"""#!/bin/sh
 [ "$1 $2" = "-m verify" ] && shift 2
+[ "$1" = check ] && exec {sys.executable} -m verify "$@"
 exec {sys.executable} -c "import sys, undrawn, verify.__main__ as v; sys.exit(v.main())" "$@"
 """
 GIT = """#!/bin/sh

@@ -14,12 +14,12 @@ import pytest
 
 from verify.atomic import OutputError, usable_folder
 from verify.attempt import attempt, load
-from verify.baseline import compare, run_of
+from verify.baseline import Comparison, compare, run_of
 from verify.baseline_file import Baseline, BaselineError, read_baseline
-from verify.cases import Case, cases
 from verify.cli import gate_limit
 from verify.pytest_items import CaseItem, ScenarioFile, is_scenario, plain_skip
 from verify.pytest_record import Record, recorded_once, records
+from verify.suite import Suite
 from verify.summary import headline
 from vnav_drake.scenario import Scenario
 from vnav_drake.zones.errors import PluginError
@@ -89,16 +89,22 @@ class Session:
         outcome = done.outcome
         if outcome is None:
             return Record(name=done.name, error=done.error, trace=done.trace)
+        suite = Suite(
+            name=done.name,
+            judgement=outcome.judgement,
+            missing=done.unfinished,
+            comparison=self._compared(scenario, outcome.result),
+        )
         return Record(
             name=done.name,
             headline=headline(outcome.judgement),
             report=str(_shown(outcome.report)),
-            cases=(*cases(outcome.judgement, done.unfinished), *self._compared(scenario, outcome.result)),
+            cases=suite.cases,
         )
 
-    def _compared(self, scenario: Scenario, result: Mapping[str, Any]) -> tuple[Case, ...]:
+    def _compared(self, scenario: Scenario, result: Mapping[str, Any]) -> Comparison | None:
         baseline = self._baseline
-        return () if baseline is None else compare(baseline, run_of(scenario, result)).cases
+        return None if baseline is None else compare(baseline, run_of(scenario, result))
 
     def pytest_collect_file(self, file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
         """A scenario file's collector; other files are none of ours."""
