@@ -22,6 +22,7 @@ import pytest
 import yaml
 
 from verify import cli
+from verify.baseline_file import read_baseline, update_baseline
 from verify.cases import NAMES
 from verify.pytest_plugin import pytest_addoption
 
@@ -253,6 +254,14 @@ def test_the_gitlab_job_gives_options_that_exist(place, monkeypatch):
     assert (str(options.junit), str(options.baseline)) == ("junit.xml", "baseline.json")
     assert glob.glob(str(options.scenarios[0]), root_dir=ROOT)
     assert yaml.safe_load(FILES[GITLAB])["verify"]["artifacts"]["reports"]["junit"] == str(options.junit)
+
+
+def test_the_tolerances_of_the_page_are_read_and_kept(tmp_path):
+    (text,) = [text for _, kind, text in BLOCKS if kind == "json"]
+    (tmp_path / "baseline.json").write_text(text)
+    tolerances = read_baseline(tmp_path / "baseline.json").tolerances
+    assert tolerances["travel_time"].around(100.0) == pytest.approx(0.01)  # 1e-4 of 100 s
+    assert update_baseline(tmp_path / "baseline.json", {}).tolerances == tolerances
 
 
 def test_the_page_names_every_option_and_input_and_leads_somewhere():
