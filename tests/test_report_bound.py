@@ -17,7 +17,7 @@ import shapely
 from hypothesis import example, given
 from hypothesis import strategies as st
 from report_case import corner_path, motion, warehouse, write_folder
-from test_report import HOSTILE, LARGEST_PAGE, Page
+from test_report import HOSTILE, LARGEST_PAGE, Page, without_scripts
 from test_report_classes import _lightness
 
 from verify.judge.question import read_question
@@ -188,10 +188,10 @@ def test_the_section_shows_all_pictures_and_the_page_stays_well_formed(case):
         "figure-bound-zoom",
         "figure-bound-closing",
     } <= set(ids)
-    wanted = re.findall(r"url\(#([^)]+)\)", text)
+    wanted = re.findall(r"url\(#([^)]+)\)", without_scripts(text))
     assert set(wanted) <= set(ids)
     assert len(text.encode()) < LARGEST_PAGE
-    section = text[text.index('id="bound"') : text.index('id="speed"')]
+    section = text[text.index('id="bound"') : text.index('id="times"')]
     assert "Not shown." not in section
     assert "var(--slack-5)" in section  # scaled to its limit, so some triangle is tight
     assert f"var(--band-{len(BANDS)})" in section
@@ -263,7 +263,7 @@ def test_one_motion_has_one_time_in_a_paragraph():
         "lower_bound": {"travel_time": 7.9}, "gaps": {"certified_full": 8.13449 / 7.9 - 1.0},
     }  # fmt: skip
     assert "its motion takes 8.134\u00a0s: gap" in full_sentence(result)
-    assert "gets there in 8.134\u00a0s" in answer(result, rest_ends=False)[0]
+    assert "gets there in 8.134\u00a0s" in answer(result)[0]
 
 
 def test_the_full_bracket_is_told_of_the_motion_that_is_executed():
@@ -412,7 +412,7 @@ def test_without_a_bound_the_reason_stands_in_place_of_the_picture(copied, case)
     result = {key: value for key, value in case[1].items() if key != "lower_bound"}
     result["missing"] = [{"stage": "lower_bound", "reason": "the solver did not converge"}]
     text = page(copied, result)
-    section = said(text[: text.index('<section aria-labelledby="speed"')] + "</main></body></html>")
+    section = said(text[: text.index('<section aria-labelledby="times"')] + "</main></body></html>")
     assert "Not shown. No lower bound was computed: the solver did not converge." in section
     assert "figure-bound" not in text
     assert "In the shaded times" not in section

@@ -82,7 +82,7 @@ def test_what_became_of_a_run_is_one_word(told, word):
 def test_a_run_that_fell_has_no_travel_time(claimed):
     result = {"plans": {"refined": {"travel_time": 8.4}}, "simulation": {**FELL, **claimed}}
     assert story.travel_times(result) == {"refined": 8.4}
-    words = " ".join(answer(result, rest_ends=False))
+    words = " ".join(answer(result))
     assert "the vehicle fell." in words
     assert "stayed within" not in words
     assert "3.25" not in words

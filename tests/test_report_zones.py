@@ -21,7 +21,7 @@ from tests.zone_case import write_zone_folder, zone_scenario
 from verify.replay_motion import zone_steps
 from verify.replay_shapes import fan, rim
 from verify.report import ReportExtras, write_report
-from verify.report.answer import answer
+from verify.report.answer_details import details
 from verify.report.evidence import SimulatedRun, read_evidence
 from verify.report.figures_gain import limit_shown
 from verify.report.figures_zone import ShapeData, draw_shape, runs
@@ -271,7 +271,7 @@ def risky(tmp_path_factory: pytest.TempPathFactory) -> str:
 def test_the_section_is_there_with_unique_ids_and_its_script(case):
     page = Page(case[2])
     sections = [a["id"] for tag, a in page.elements if tag == "h2"]
-    assert sections[2:5] == ["times", "map", "zone"]
+    assert sections[2:4] == ["explore-title", "zone"]
     ids = [a["id"] for _, a in page.elements if "id" in a]
     assert len(ids) == len(set(ids))
     assert {"zone-viewer", "zone-data", "zone-map-title", "zone-gain-narrow-title"} <= set(ids)
@@ -290,7 +290,7 @@ def test_a_disc_has_no_such_section(tmp_path):
 def test_the_answer_and_the_tiles_tell_what_the_zone_gains(case):
     folder, result, text = case
     slow, fast = (result["plans"][name]["travel_time"] for name in ("uniform", "refined"))
-    words = " ".join(answer(result, rest_ends=True)).replace("\u00a0", " ")
+    words = " ".join(details(result, rest_ends=True)).replace("\u00a0", " ")
     assert (
         f"With uniform braking it would take {slow:.3f} s: the braking zone gains {slow - fast:.3f} s."
         in words
