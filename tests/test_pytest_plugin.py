@@ -196,6 +196,10 @@ def test_results_and_yaml_of_others_are_left_alone(tmp_path):
     for text, expected in answers.items():
         (tmp_path / "a.yaml").write_text(text)
         assert is_scenario(tmp_path / "a.yaml") is expected, text
+    for encoding in ("utf-8-sig", "utf-16", "utf-16-be"):  # which `verify` refuses, or reads
+        (tmp_path / "a.yaml").write_text("schema: 1\nname: x\n", encoding=encoding)
+        assert is_scenario(tmp_path / "a.yaml"), encoding
+    assert is_scenario(tmp_path / "gone.yaml")  # `verify` says why it cannot be read
     (tmp_path / "scenario.yaml").write_bytes(scenario_bytes())
     assert is_scenario(tmp_path / "scenario.yaml")
     (tmp_path / "result.json").write_text("{}")  # a result folder holds the question it answers

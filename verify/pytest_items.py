@@ -26,19 +26,22 @@ _KEY = "schema"
 def is_scenario(file: Path) -> bool:
     """Whether a YAML file claims to be a scenario: a mapping with the key `schema`.
 
-    Text that is no YAML counts if a line of it begins with that key: a typing error must not take a scenario
-    out of the tests. The scenario.yaml of a result folder is evidence, not a question, and does not count.
+    Text that is no YAML counts if a line of it begins with that key, in whatever encoding, and so does a file
+    that cannot be read: no accident may take a scenario out of the tests. The scenario.yaml of a result
+    folder is evidence, not a question, and does not count.
     """
     if file.name == SCENARIO and (file.parent / RESULT).is_file():
         return False
-    with file.open("rb") as stream:
-        text = stream.read(MAX_BYTES).decode("utf-8", errors="replace")
+    try:
+        with file.open("rb") as stream:
+            text = stream.read(MAX_BYTES).decode("utf-8", errors="replace")
+    except OSError:
+        return True
+    text = text.replace("\0", "").lstrip("\ufeff\ufffd")
     try:
         return _KEY in _top_keys(text)
     except yaml.YAMLError:
-        return any(
-            line.split(":")[0].strip("\ufeff \"'") == _KEY for line in text.splitlines() if ":" in line
-        )
+        return any(line.split(":")[0].strip(" \"'") == _KEY for line in text.splitlines() if ":" in line)
 
 
 def _top_keys(text: str) -> Iterator[str]:
