@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from verify.report.palette import INK, PAPER
-from verify.report.svg import arrange
+from verify.report.svg import Halo, arrange
+from verify.report.svg_tree import Rim
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ class Curve:
 
 def halo(text: Text) -> Text:
     """A rim in the colour of the ground, so that grid lines do not cross the letters."""
-    text.set_path_effects([withStroke(linewidth=3.0, foreground=PAPER.light)])
+    text.set_path_effects([Halo(Rim(width=3.0, colour=PAPER.light))])
     return text
 
 

@@ -61,6 +61,14 @@ _STYLE: Any = {
 }
 
 
+class Halo(withStroke):
+    """A rim around letters as matplotlib draws it, which `to_svg` draws in fewer bytes."""
+
+    def __init__(self, rim: Rim) -> None:
+        super().__init__(linewidth=rim.width, foreground=rim.colour)
+        self.rim = rim
+
+
 @contextmanager
 def drawing_style() -> Iterator[None]:
     """The report's look, whatever the user's matplotlibrc says; the old settings return afterwards."""
@@ -183,9 +191,9 @@ def _rims_apart(figure: Figure) -> Iterator[Mapping[str, Rim]]:
     before = []
     for text in figure.findobj(Text):
         effects = text.get_path_effects()
-        if effects and isinstance(effects[0], withStroke):
+        if effects and isinstance(effects[0], Halo):
             name = f"rim-{len(rims)}"
-            rims[name] = Rim(width=effects[0]._gc["linewidth"], colour=effects[0]._gc["foreground"])
+            rims[name] = effects[0].rim
             before.append((text, effects, text.get_gid()))
             text.set(path_effects=[], gid=name)
     yield rims

@@ -161,7 +161,18 @@ def _models(
         for renderer in plot.renderers:  # nothing is ever selected, muted or hovered: no looks for that
             renderer.update(selection_glyph=None, nonselection_glyph=None, muted_glyph=None)
         document.add_root(plot)
-    return dict(document.to_json(deferred=False))
+    found: dict[str, Any] = _numbered(document.to_json(deferred=False), {})
+    return found
+
+
+def _numbered(told: Any, known: dict[str, str]) -> Any:
+    """The same document with ids that count from its own first model, not from the process's."""
+    if isinstance(told, Mapping):
+        return {
+            key: known.setdefault(value, f"p{len(known)}") if key == "id" else _numbered(value, known)
+            for key, value in told.items()
+        }
+    return [_numbered(item, known) for item in told] if isinstance(told, list | tuple) else told
 
 
 def _drawn_columns(motion: DrawnMotion) -> list[str]:
