@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 Sources = Mapping[str, ColumnDataSource]
 
 LIMIT_DASH = [7, 3]
+ALIGNED = {"min_border_left": 66}  # [px]: one instant stands in one line in both plots of time
 HIGH = 1.18  # of the greatest speed that is shown: room for words
 
 # Margins have the colours of what holds a motion, wherever that is drawn.
@@ -51,6 +52,7 @@ def speed_plot(
         x_range=time,
         y_range=Range1d(start=0.0, end=top),
         tools="xpan,xwheel_zoom",
+        **ALIGNED,
     )
     for key, source in sources.items():
         if key.startswith("plan-") and key != executed:
@@ -93,7 +95,7 @@ def margins_plot(margins: Sequence[DrawnMargin], time: Range1d) -> figure:
     """The share of each limit that is left, or one margin in its unit; which, the script decides."""
     plot = new_plot(
         "margins", "time [s]", "left of each limit [%]", x_range=time, y_range=Range1d(start=-6.0, end=106.0),
-        tools="xpan,xwheel_zoom",
+        tools="xpan,xwheel_zoom", **ALIGNED,
     )  # fmt: skip
     _level(plot, 0.0)
     source = empty("margin-lines", "t", *(margin.key for margin in margins))

@@ -5,6 +5,7 @@ Colours are those of a light ground; the script turns each into its variable of 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -13,7 +14,7 @@ import numpy as np
 import shapely
 from bokeh.core.properties import value
 from bokeh.models import ColumnDataSource, LinearColorMapper, Range1d
-from bokeh.models.annotations import ColorBar, ScaleBar
+from bokeh.models.annotations import ColorBar
 from bokeh.plotting import figure
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ def new_plot(name: str, x: str, y: str, **more: Any) -> figure:
     plot = figure(
         name=name, sizing_mode="stretch_both", toolbar_location=None, x_axis_label=x, y_axis_label=y,
         tools=more.pop("tools", "pan,wheel_zoom"), active_drag=None, active_scroll=None, active_inspect=None,
-        active_tap=None, background_fill_color=PAPER.light, border_fill_color=PAPER.light,
+        active_tap=None, background_fill_color=PAPER.light, border_fill_color=None,
         outline_line_color=None, min_border=2, **more,
     )  # fmt: skip
     plot.grid.grid_line_color = RULE.light
@@ -127,14 +128,7 @@ def map_plot(
         major_label_text_font=FONT, major_label_text_font_size="11px",
     )  # fmt: skip
     plot.add_layout(bar, "above")
-    plot.add_layout(
-        ScaleBar(
-            range=plot.x_range, unit="m", location="top_right", background_fill_alpha=0.75,
-            background_fill_color=PAPER.light, border_line_color=None, bar_line_color=INK.light, padding=4,
-            bar_line_width=2, label_text_color=INK.light, label_text_font=FONT,
-            label_text_font_size="11px",
-        )
-    )  # fmt: skip
+    _scale_bar(plot, problem.world)
     return plot
 
 
@@ -160,10 +154,24 @@ def _world(plot: figure, world: World) -> None:
         middles = np.array([_middle(np.array(o.vertices)) for o in named])
         plot.text(
             x=middles[:, 0], y=middles[:, 1], text=[label(o.name) for o in named], name="names",
-            x_offset=[0 if len(o.vertices) > 2 else 9 for o in named], **LETTERS,
+            x_offset=[0 if len(o.vertices) > 2 else 5 for o in named], **LETTERS,
             y_offset=[0 if len(o.vertices) > 2 else -9 for o in named],
-            text_align="center", text_baseline="middle", text_color=MUTED.light,
+            text_align=["center" if len(o.vertices) > 2 else "left" for o in named],
+            text_baseline="middle", text_color=MUTED.light,
         )  # fmt: skip
+
+
+def _scale_bar(plot: figure, world: World) -> None:
+    """A round length above the world, in its own scale: it grows when one comes closer."""
+    x0, y0, x1, y1 = world.bounds
+    power = 10.0 ** math.floor(math.log10((x1 - x0) / 4.0))
+    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= (x1 - x0) / 4.0)
+    y = y1 + 0.03 * max(x1 - x0, y1 - y0)
+    plot.segment(x0=x0, y0=y, x1=x0 + length, y1=y, line_color=INK.light, line_width=2.5)
+    plot.text(
+        x=[x0 + length], y=[y], text=[f"{length:g} m"], x_offset=6, text_baseline="middle",
+        text_color=INK.light, **LETTERS,
+    )  # fmt: skip
 
 
 def _ring(polygon: shapely.Polygon, axis: int) -> list[list[float]]:
@@ -173,12 +181,9 @@ def _ring(polygon: shapely.Polygon, axis: int) -> list[list[float]]:
 
 
 def _middle(corners: Array) -> Array:
-    if len(corners) < 3:
+    if len(corners) <= 4:
         return np.asarray(corners.mean(axis=0))
-    point = shapely.Polygon(corners).representative_point()
-    return np.asarray(
-        shapely.get_coordinates(point)[0] if len(corners) > 4 else (corners.min(0) + corners.max(0)) / 2
-    )
+    return np.asarray(shapely.get_coordinates(shapely.Polygon(corners).representative_point())[0])
 
 
 def _lines(plot: figure, key: str, colour: str, width: float, dash: Dash = "solid") -> None:

@@ -20,7 +20,7 @@ const vnavPlots = (data) => {
     doc = Bokeh.documents[Bokeh.documents.length - 1];
     plots = Object.fromEntries(names.map((name) => [name, named(name)]));
     const [x0, y0, x1, y1] = data.box, pad = 0.03 * Math.max(x1 - x0, y1 - y0);
-    homes.map = [x0 - pad, y0 - pad, x1 + pad, y1 + pad];
+    homes.map = [x0 - pad, y0 - pad, x1 + pad, y1 + 2 * pad];  // above: the scale bar
     homes.friction = [-data.reach, -data.reach, data.reach, data.reach];
     for (const name of Object.keys(homes)) {
       const { inner_width: width, inner_height: height } = plots[name].properties;
