@@ -82,14 +82,17 @@ def test_pointing_at_the_map_moves_the_line_in_the_curves(views: Opened, case: C
 
 
 def test_an_instant_from_elsewhere_moves_every_view(views: Opened, case: Case):
-    views.run(TO, 12.5)
-    *_, v, a, curvature = (float(value) for value in case.motion.at(12.5))
+    bent = case.motion.t[:-1][case.motion.curvature[:-1] != 0.0]
+    middle = float(bent.mean())  # of the corner, a circle of 1.6 m to the right
+    views.run(TO, middle)
+    *_, v, a, curvature = (float(value) for value in case.motion.at(middle))
+    assert curvature == pytest.approx(-1.0 / 1.6)
     cursor = views.run(f"(({{ x, y }}) => [x[0], y[0]])({NAMED}('friction-cursor-columns').data)")
-    # a and curvature are constant in rows and linear between instants here: near the corner both are smooth
+    # a is constant in rows of 0.02 m and linear between instants here
     assert cursor == pytest.approx([v * v * curvature, a], abs=0.05)
     speed = views.run(f"{NAMED}('speed-dots-columns').data.y.at(-1)")
     assert speed == pytest.approx(v, abs=0.01)
-    assert views.page.locator("#explore-now").inner_text().startswith("12.50 s")
+    assert views.page.locator("#explore-now").inner_text().startswith(f"{middle:.2f} s")
     # the disc in which it stops: radius 0.4 m plus v^2 / (2 a_b), a_b = 1 m/s^2
     xs = views.run(f"Array.from({NAMED}('disc-columns').data.x)")
     assert (max(xs) - min(xs)) / 2.0 == pytest.approx(0.4 + v * v / 2.0, abs=0.01)

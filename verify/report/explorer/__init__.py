@@ -15,7 +15,7 @@ from vnav_drake.problem import Problem
 if TYPE_CHECKING:
     from verify.report.page import ReportExtras
 
-SCRIPTS = (LIBRARY, "explorer_data.js", "explorer_plots.js", "explorer.js")
+SCRIPTS = (LIBRARY, "explorer_data.js", "explorer_plots.js", "explorer_margins.js", "explorer.js")
 
 
 def explorer_sections(

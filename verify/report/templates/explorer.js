@@ -10,9 +10,8 @@
   const followed = data.executed, ways = Object.keys(data.motions).filter((key) => key.startsWith("plan-") && key !== followed);
   const zoned = data.zone ? document.getElementById("zone-data") : null, zone = zoned ? JSON.parse(zoned.textContent) : null;
   const state = { t: 0, rank: null, layers: {}, margin: "", playing: 0 };
+  const margins = vnavMargins(data, plots, state), { amount, minus, tightest } = margins;
   const filled = new Set();
-  const minus = (text) => text.replace(/-(?=\d)/g, "\u2212");
-  const TIE = 0.05;  // [%]: of limits that are reached alike the first one is told
   const tint = {};  // colours of dots by key
 
   // --- what is drawn once, and on demand
@@ -89,56 +88,9 @@
     }
     const end = state.rank === null ? 0 : data.motion(`class-${rank}`).t?.at(-1) ?? 0;
     plots.lasting(Math.max(data.end, end));
-    showMargins();
+    margins.show();
     showLayers();
   }
-
-  // --- margins: all as shares, or one in its unit
-
-  const shares = data.margins.map((margin) => data.share(followed, margin));
-  const percent = (values) => values.map((value) => 100 * Math.min(value, 1));
-
-  function showMargins() {
-    const one = data.margins.find((margin) => margin.key === state.margin), own = data.motion(followed);
-    const columns = { t: own.t };
-    let range = [-6, 106], worst = null;
-    data.margins.forEach((margin, k) => {
-      const values = one ? own[`margin.${margin.key}`] : shares[k] && percent(shares[k]);
-      const shown = values && (!one || one === margin);
-      columns[margin.key] = shown ? values : own.t.map(() => NaN);
-      named(`margin-${margin.key}`).visible = Boolean(shown);
-      if (!shown) return;
-      const i = values.reduce((best, value, j) => (value < values[best] ? j : best), 0);
-      if (worst === null || values[i] < worst.value - TIE) worst = { value: values[i], t: own.t[i], margin };
-      const high = one ? values.reduce((a, b) => Math.max(a, b), 0) : 100, low = Math.min(values[i], 0);
-      range = [Math.min(range[0], low - 0.08 * (high - low)), one ? high + 0.1 * (high - low) : 106];
-      if (one) range[0] = low - 0.08 * (high - low || 1);
-    });
-    put("margin-lines", columns);
-    plots.plots().margins.y_range.setv({ start: range[0], end: range[1] });
-    plots.plots().margins.left[0].axis_label = one ? `${one.name.toLowerCase()} [${one.unit}]` : "left of each limit [%]";
-    const words = worst && `least: ${worst.margin.name.toLowerCase()} ${amount(worst.value, one ? one.unit : "%")}`;
-    put("least", worst ? { x: [worst.t], y: [worst.value] } : { x: [], y: [] });
-    put("least-words", worst ? { x: [worst.t], y: [worst.value], text: [words], align: [worst.t < 0.3 * data.end ? "left" : worst.t > 0.7 * data.end ? "right" : "center"] } : { x: [], y: [], text: [], align: [] });
-    showClassMargin(one);
-    for (const button of document.querySelectorAll("[data-margin]")) button.setAttribute("aria-pressed", String(button.dataset.margin === state.margin));
-    cursor();
-  }
-
-  // Of the chosen class: the same margin, or its tightest share.
-  function showClassMargin(one) {
-    const line = named("margin-class"), key = `class-${state.rank}`;
-    line.visible = state.rank !== null && "t" in data.motion(key);
-    if (!line.visible) return;
-    const { t, ...columns } = data.motion(key);
-    const lines = one ? [columns[`margin.${one.key}`]] : data.margins.map((margin) => data.share(key, margin)).map((values) => values && percent(values));
-    const known = lines.filter(Boolean);
-    put("margin-class", { t, value: t.map((_, i) => known.reduce((least, values) => Math.min(least, values[i]), known.length ? Infinity : NaN)) });
-    line.glyph.line_color = { value: plots.colour(data.tones[key]) };
-  }
-
-  const digits = (value, count) => minus((Math.abs(value) < 0.5 * 10 ** -count ? 0 : value).toFixed(count));
-  const amount = (value, unit) => (unit === "%" ? `${digits(value, 1)} %` : `${digits(value, 3)} ${unit}`);
 
   // --- the cursor
 
@@ -157,15 +109,6 @@
     const i = data.row(state.t, zone.t), next = Math.min(i + 1, zone.t.length - 1);
     const points = zone.outlines[state.t - zone.t[i] < zone.t[next] - state.t ? i : next];
     return { x: points.filter((_, k) => k % 2 === 0), y: points.filter((_, k) => k % 2 === 1) };
-  }
-
-  function tightest(here) {
-    let best = null;
-    for (const margin of data.margins) {
-      const value = margin.key === "braking" ? here["share.braking"] : margin.scale > 0 ? here[`margin.${margin.key}`] / margin.scale : NaN;
-      if (best === null ? Number.isFinite(value) : value < best.value - TIE / 100) best = { value, margin };
-    }
-    return best;
   }
 
   const tone = (key) => (tint[key] ??= plots.colour(data.tones[key] ?? key));
@@ -287,11 +230,11 @@
       box.addEventListener("change", () => { state.layers[box.dataset.layer] = box.checked; showLayers(); });
     }
     for (const button of document.querySelectorAll("[data-margin]")) {
-      button.addEventListener("click", () => { state.margin = button.dataset.margin; showMargins(); });
+      button.addEventListener("click", () => { state.margin = button.dataset.margin; margins.show(); cursor(); });
     }
     document.addEventListener("vnav:time", ({ detail }) => { if (detail.source !== "explorer") { stop(); seek(detail.t, detail.source); } });
     document.addEventListener("vnav:class", ({ detail }) => { if (detail.source !== "explorer") choose(detail.rank); });
-    document.addEventListener("vnav:tint", () => { for (const name of Object.keys(tint)) delete tint[name]; showMargins(); });
+    document.addEventListener("vnav:tint", () => { for (const name of Object.keys(tint)) delete tint[name]; margins.show(); cursor(); });
     window.addEventListener("hashchange", address);
   }
 
@@ -309,7 +252,7 @@
     for (const box of boxes) state.layers[box.dataset.layer] = box.checked && !box.disabled;
     await plots.build();
     drawPath();
-    showMargins();
+    margins.show();
     showLayers();
     listen();
     if (!address()) seek(data.end / 3);
