@@ -23,7 +23,7 @@ from verify.report.curves import Curve, halo, label_points
 from verify.report.evidence import SimulatedRun
 from verify.report.palette import ARC, CASING, FLOOR, INK, MUTED, PAPER, RACK, RACK_EDGE, SPEED_MAP, method
 from verify.report.series import thinned_path
-from verify.report.svg import NARROW, WIDE, Picture, arrange, drawing_style, new_axes, to_svg
+from verify.report.svg import WIDE, Picture, arrange, drawing_style, new_axes, to_svg
 from verify.report.text import label
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
@@ -77,20 +77,15 @@ def draw_map(data: MapData) -> Picture:
         + (" The simulated vehicle left it: its track is drawn on top." if data.strayed is not None else ""),
     }
     with drawing_style():
-        return Picture(
-            **described,
-            svg=_draw(data, described, narrow=False),
-            narrow=_draw(data, {**described, "key": "map-narrow"}, narrow=True),
-        )
+        return Picture(**described, svg=_draw(data, described), narrow=None)
 
 
-def _draw(data: MapData, described: dict[str, str], *, narrow: bool) -> Markup:
-    world = data.problem.world
-    width = NARROW if narrow else WIDE
-    height = map_height(world, width, bar=not narrow)
-    low = narrow or height < LOWEST_UPRIGHT_BAR  # the colour bar lies below the map
+def _draw(data: MapData, described: dict[str, str]) -> Markup:
+    world, width = data.problem.world, WIDE
+    height = map_height(world, width, bar=True)
+    low = height < LOWEST_UPRIGHT_BAR  # the colour bar lies below the map
     figure, axes = new_axes(width, height + (60 if low else 0), x="x [m]", y="y [m]")
-    draw_world(axes, world, names=not narrow)
+    draw_world(axes, world, names=True)
     size = world.diameter
     axes.add_collection(
         LineCollection(
@@ -102,14 +97,14 @@ def _draw(data: MapData, described: dict[str, str], *, narrow: bool) -> Markup:
     below = [item for item in data.others if item[0] != "collocation"]
     above = [item for item in data.others if item[0] == "collocation"]
     for name, motion in below:
-        _line(axes, name, motion, size, 2.0 if not narrow else 1.4)
+        _line(axes, name, motion, size, 2.0)
     if data.executed is not None:
-        colours = draw_speed(axes, data.executed, width=4.2 if not narrow else 3.2)
+        colours = draw_speed(axes, data.executed, width=4.2)
         bar = figure.colorbar(
             colours,
             ax=axes,
             orientation="horizontal" if low else "vertical",
-            shrink=0.9 if narrow else 0.6,
+            shrink=0.6,
             aspect=28,
             pad=0.02,
         )

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from verify.report.curves import Curve, halo, label_curves
 from verify.report.palette import INK, LIMIT, MUTED, Dash, method
 from verify.report.series import in_steps, row_ends, thinned
-from verify.report.svg import NARROW, PANEL, WIDE, Picture, drawing_style, new_axes, to_svg
+from verify.report.svg import PANEL, WIDE, Picture, drawing_style, new_axes, to_svg
 from verify.report.zone_along import ZoneAlong
 from vnav_drake.plan import Trajectory
 from vnav_drake.problem import Problem
@@ -52,18 +52,13 @@ def draw_speed_curve(data: SpeedData) -> Picture:
         f"{'V(d)' if data.along is None else 'of the zone at each pose'} along the same path.",
     }
     with drawing_style():
-        return Picture(
-            **described,
-            svg=_speed(data, described, WIDE, 300),
-            narrow=_speed(data, {**described, "key": described["key"] + "-narrow"}, NARROW, 250),
-        )
+        return Picture(**described, svg=_speed(data, described), narrow=None)
 
 
-def _speed(data: SpeedData, described: dict[str, str], width: float, height: float) -> Markup:
+def _speed(data: SpeedData, described: dict[str, str]) -> Markup:
     problem, rows, look = data.problem, row_ends(data.motion), method(data.plan)
     x, unit = (rows.s, "path length [m]") if data.over == "path" else (rows.t, "time [s]")
-    figure, axes = new_axes(width, height, x=unit, y="speed [m/s]")
-    short = width < WIDE
+    figure, axes = new_axes(WIDE, 300, x=unit, y="speed [m/s]")
     t, s, v, clearance = in_steps(data.motion, 4)
     fine, limit = (s if data.over == "path" else t), problem.braking.speed(clearance)
     if data.along is not None:
@@ -77,13 +72,13 @@ def _speed(data: SpeedData, described: dict[str, str], width: float, height: flo
         axes.plot(*thinned(x, y), color=colour, ls=dash, lw=line, dash_capstyle="butt", zorder=over)
         curves.append(Curve(x=x, y=y, text=text, colour=words))
 
-    draw(fine, limit, by if short else f"braking limit {by}", LIMIT.light, LIMIT.light, LIMIT_DASH, 1.4)
+    draw(fine, limit, f"braking limit {by}", LIMIT.light, LIMIT.light, LIMIT_DASH, 1.4)
     bend = _bend_limit(problem, rows.curvature)
     near = bend < top
     if np.any(near):
         dots = _distinct(np.column_stack([x[near] / x[-1], bend[near] / top]), 1.0 / 400.0) * [x[-1], top]
         axes.plot(dots[:, 0], dots[:, 1], "o", color=MUTED.light, ms=2.0, mew=0, zorder=4)
-        words = "bends" if short else f"{_bend_name(problem)} √(limit/|κ|)"
+        words = f"{_bend_name(problem)} √(limit/|κ|)"
         curves.append(Curve(x=dots[:, 0], y=dots[:, 1], text=words, colour=MUTED.light))
     if problem.robot.max_speed < top:
         cap = np.full(len(x), problem.robot.max_speed)

@@ -14,6 +14,8 @@ from verify.report.numbers import percent_or_times, seconds, seconds_proven
 from verify.report.palette import BAD_FILL, INK, LIMIT, MUTED, PAPER, method
 from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_axes, to_svg
 
+FAR = 1.4  # times the least time: what lies beyond is an arrow at the edge
+
 
 @dataclass(frozen=True, kw_only=True)
 class BracketRow:
@@ -51,6 +53,9 @@ def draw_bracket(data: BracketData) -> Picture:
             **described,
             svg=_draw(data, described, narrow=False),
             narrow=_draw(data, {**described, "key": "bracket-narrow"}, narrow=True),
+            caption="Arrows at the right edge: times far beyond the axis."
+            if any(row.travel_time > _axis_end(data) for row in data.rows)
+            else "",
         )
 
 
@@ -63,10 +68,10 @@ def _notes(row: BracketRow) -> tuple[str, str]:
 
 
 def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Markup:
-    rows = data.rows
+    rows, end = data.rows, _axis_end(data)
     pitch = 46 if narrow else 34
     figure, axes = new_axes(NARROW if narrow else WIDE, 56 + pitch * len(rows), x="travel time [s]", y="")
-    middle = 0.5 * (min(r.travel_time for r in rows) + max(r.travel_time for r in rows))
+    middle = 0.5 * (min(r.travel_time for r in rows) + end)
     reference = next((r.travel_time for r in rows if r.method == data.reference), None)
     for i, row in enumerate(rows):
         look = method(row.method)
@@ -74,15 +79,24 @@ def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Mark
         if reference is not None and not row.astray:
             axes.plot([reference, row.travel_time], [i, i], color=look.light, lw=2.5, solid_capstyle="butt")
         fill, edge, line = (PAPER, look, 1.8) if row.breaks else (look, INK, 0.8)
+        place, marker = (1.0, ">") if row.travel_time > end else (row.travel_time, look.marker)
         axes.plot(
-            row.travel_time, i, look.marker, color=fill.light, ms=9, mec=edge.light, mew=line, clip_on=False
+            place,
+            i,
+            marker,
+            color=fill.light,
+            ms=9,
+            mec=edge.light,
+            mew=line,
+            clip_on=False,
+            transform=axes.get_yaxis_transform() if row.travel_time > end else axes.transData,
         )
         if row.breaks:
             left = row.travel_time < middle
             _write(
                 axes,
                 row.breaks,
-                (row.travel_time, i),
+                (min(row.travel_time, end), i),
                 (-5 if left else 5, -7),
                 look.text,
                 "normal",
@@ -116,15 +130,21 @@ def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Mark
             ls="--",
             zorder=0,
         )
-    times = [r.travel_time for r in rows]
-    pad = max(0.05 * (max(times) - min(times)), 2e-4 * max(times))
-    axes.set_xlim(min(times) - pad, max(times) + pad)
+    least = min(r.travel_time for r in rows)
+    pad = max(0.05 * (end - least), 2e-4 * end)
+    axes.set_xlim(least - pad, end + pad)
     axes.set_ylim(len(rows) - 0.5, -0.75 if narrow else -0.5)
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
     axes.locator_params(axis="x", nbins=4 if narrow else 8)
     axes.xaxis.get_major_formatter().set_useOffset(False)  # type: ignore[attr-defined]
     return to_svg(figure, **described)
+
+
+def _axis_end(data: BracketData) -> float:
+    """The latest time [s] that is drawn to scale: one far off must not hide what lies between the others."""
+    times = sorted(row.travel_time for row in data.rows)
+    return max(time for time in times if time <= FAR * times[0])
 
 
 def _draw_proven(axes: Axes, data: BracketData, *, narrow: bool) -> None:

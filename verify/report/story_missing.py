@@ -21,7 +21,7 @@ _PLACES: Mapping[str, tuple[tuple[str, ...], str]] = MappingProxyType(
         "uniform": (("zone", "times"), "The motion with uniform braking"),
         "collocation": (("times", "mesh"), "The collocation of the variational model"),
         "refined": (("times", "mesh"), "The collocation of the full robot"),
-        "fields": (("zone",), "The field set"),
+        "fields": (("zone", "times"), "The field set"),
         "dwa": (("times",), "The dynamic window"),
         "lower_bound": ((), "The lower bound"),
         "simulation": (("simulation",), "The simulation"),
