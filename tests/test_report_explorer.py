@@ -11,15 +11,18 @@ from typing import Any
 import matplotlib
 import numpy as np
 import pytest
+from bokeh.models import Range1d
+from bokeh.models.annotations import Label
 from explorer_case import NO_CERTIFICATE, Case, make_case
 from matplotlib.colors import to_hex
 
 from tests.zone_case import zone_scenario
 from verify.report.explorer import explorer_scripts, explorer_sections
-from verify.report.explorer.curve_plots import MARGIN_TONES, friction_reach, label_places
+from verify.report.explorer.curve_plots import MARGIN_TONES, friction_reach, label_places, speed_plot
 from verify.report.explorer.encode import data_block, lines, numbers
 from verify.report.explorer.layers import layers
 from verify.report.explorer.motions import followed, instants, least_around, margins_of
+from verify.report.explorer.plots import empty
 from verify.report.figures_map import BAR_STEPS
 from verify.report.html import script
 from verify.report.palette import SPEED_MAP, variable_of_colour
@@ -162,6 +165,23 @@ def test_in_a_zone_the_share_left_is_that_of_the_stopping_distance():
     columns = followed(problem, motion, zone_along(problem, zone, motion)).columns
     assert columns["safe"][0] == pytest.approx(fastest, rel=1e-5)
     assert columns["share.braking"][0] == pytest.approx(1.0 - 0.8**2, abs=1e-4)
+    # at a fifth of it the limit is beyond what was looked at: not drawn, and it has no words
+    slow = straight(0.2 * fastest)
+    motion_drawn = followed(problem, slow, zone_along(problem, zone, slow))
+    assert np.isnan(motion_drawn.columns["safe"]).all()
+    plot = speed_plot(problem, {"plan-refined": empty("own", "t", "v", "safe", "bend")}, "plan-refined", (),
+                      motion_drawn, Range1d(start=0.0, end=2.0))  # fmt: skip
+    assert [label.text for label in plot.select(Label)] == ["speed"]
+
+
+def test_a_motion_that_is_no_plan_is_followed_under_a_name_of_its_own(case: Case):
+    data = json.loads(
+        replace(case, evidence=replace(case.evidence, executed_plan="")).sections()["explorer"].data
+    )
+    assert data["executed"] == "plan-executed"
+    assert (
+        set(data["motions"]["plan-executed"]) > set(data["motions"]["plan-refined"]) == {"t", "x", "y", "v"}
+    )
 
 
 def test_layers_say_what_is_not_there(case: Case):

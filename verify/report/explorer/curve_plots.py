@@ -72,10 +72,9 @@ def speed_plot(
     plot.line("t", "v", source=own, line_color=tone.light, line_width=2.6, name="speed-executed")
     plot.line("t", "safe", source=own, line_color=LIMIT.light, line_width=1.5, line_dash=LIMIT_DASH)
     shown = [np.column_stack([t, values]) for values in (v, safe, bend)]
-    named = [
-        (0, "speed", tone.text),
-        (1, "safe speed V(d)" if disc else "safe speed of the zone", LIMIT.light),
-    ]
+    named = [(0, "speed", tone.text)]
+    if np.any(safe < top):  # beyond what the zone was looked at there is none
+        named.append((1, "safe speed V(d)" if disc else "safe speed of the zone", LIMIT.light))
     if np.any(bend < top):
         named.append((2, "limit of the bend", MUTED.light))
     frame = (float(t[0]), float(t[-1]), 0.0, top)

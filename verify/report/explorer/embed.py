@@ -41,6 +41,8 @@ from vnav_drake.problem import Problem
 if TYPE_CHECKING:
     from verify.report.page import ReportExtras
 
+UNKNOWN = "executed"  # what a motion is called that is none of the plans
+
 
 @dataclass(frozen=True, kw_only=True)
 class Explorer:
@@ -74,7 +76,7 @@ def explorer(
     if motion is None:
         raise ValueError("no motion to follow")
     own = followed(problem, motion, along)
-    executed = f"plan-{evidence.executed_plan or 'refined'}"
+    executed = f"plan-{evidence.executed_plan or UNKNOWN}"
     motions = {executed: own, **_beside(problem, evidence, extras.speed_graph.classes)}
     known = drawn_margins(problem, margins_of(problem, motion, along))
     groups = layers(problem, result, evidence, extras, certificate)

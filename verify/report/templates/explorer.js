@@ -59,7 +59,7 @@
       look(key, on(key), aside);
       look(`speed-${key}`, on(key), aside);
     }
-    for (const name of [followed, "pieces"]) named(name).visible = on(followed);
+    for (const name of [followed, "pieces"]) named(name).visible = state.layers[followed] !== false;
     for (const rank of data.ranks) {
       const key = `class-${rank}`, own = rank === state.rank, shown = own || on("classes");
       if (shown) fill(key);
