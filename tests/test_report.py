@@ -26,7 +26,7 @@ from verify.report.html import LIBRARY, script
 from vnav_drake.scenario import Scenario
 from vnav_drake.world import World
 
-LARGEST_PAGE = 3_000_000  # [bytes]
+LARGEST_PAGE = 2_400_000  # [bytes]
 VOID = {"meta", "link", "img", "br", "hr", "input"}
 
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 from report_case import HISTORY, corner_path, motion, warehouse, write_folder
-from test_report import LARGEST_PAGE, Page, hash_of, policy_of
+from test_report import LARGEST_PAGE, Page, hash_of, policy_of, without_scripts
 
 from verify.report import ClassDrawing, GraphDrawing, ReportExtras, SpeedGraphDrawing, write_report
-from verify.report.drawings import share
+from verify.report.drawings import MOST_LINES, share
 from verify.report.figures_classes import MOST_CLASSES, draw_class_map, draw_newton
 from verify.report.figures_graph import draw_graphs
 from verify.report.numbers import fine_percent
@@ -190,6 +190,33 @@ def test_a_graph_with_many_edges_is_drawn_in_part_and_says_so():
     # one outline: as many starts of a line as lines, within the one path that has most of them
     starts = max(len(re.findall("[Mm]", d)) for d in re.findall(r' d="([^"]*)"', sampled.svg))
     assert starts == 700
+
+
+def test_a_large_graph_costs_no_more_than_its_points():
+    # In hundredths of a pixel a step within 440 px has at most 7 characters a number ("-439.99"), and each
+    # line two letters more; floor, axes and letters are the same for all graphs.
+    rng = np.random.default_rng(3)
+    lines = rng.uniform(1.0, 30.0, (MOST_LINES, 6, 2))
+    few, many = (
+        GraphDrawing(kind="sampled", nodes=lines[0], lines=part, shown=len(part), total=9999)
+        for part in (lines[:1], lines)
+    )
+    small, large = draw_graphs(warehouse().problem, [few, many])
+    assert len(large.svg) - len(small.svg) <= MOST_LINES * (6 * 2 * 7 + 2)
+    assert len(small.svg) < 20_000  # letters with rims as outlines of their own would take more
+
+
+def test_each_class_has_a_small_map_of_its_own_on_one_floor(case):
+    text = without_scripts(case[1])
+    maps = re.findall(r'<svg class="thumbnail".*?</svg>', text, flags=re.DOTALL)
+    assert len(maps) == 2
+    assert text.count('id="class-floor"') == 1
+    for rank, picture in enumerate(maps, 1):
+        assert f"var(--rank-{rank})" in picture
+        assert 'href="#class-floor"' in picture
+        assert len(picture) < 3000
+    buttons = [a for a in Page(case[1]).all("button") if a.get("class") == "pick"]
+    assert [(a["data-class"], a["aria-pressed"]) for a in buttons] == [("1", "false"), ("2", "false")]
 
 
 def test_a_share_has_the_first_and_the_last_and_no_number_twice():

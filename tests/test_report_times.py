@@ -124,6 +124,29 @@ def test_the_chart_joins_no_time_of_another_way_to_the_reference():
     assert not bar.search(drawn)
 
 
+def places(*times: float) -> tuple[list[float], str]:
+    """Where the marks of further methods stand [px], and the caption; reference 20 s, bound 19.9 s."""
+    rows = [
+        BracketRow(method="lower_bound", travel_time=19.9),
+        BracketRow(method="speed_graph", travel_time=20.0),
+        *(BracketRow(method=f"m{k}", travel_time=time) for k, time in enumerate(times)),
+    ]
+    picture = draw_bracket(BracketData(rows=rows, reference="speed_graph", executed="speed_graph"))
+    xs = re.findall(r'<use href="#[^"]+" x="([0-9.]+)" y="[0-9.]+" fill="var\(--other\)"/>', str(picture.svg))
+    return [float(x) for x in xs], picture.caption
+
+
+def test_a_time_far_off_does_not_squeeze_the_others():
+    (alone,), nothing = places(21.0)
+    (near, far), words = places(21.0, 60.0)
+    # 60 s is more than 1.4 times the least time: the axis stays, and an arrow stands at its end.
+    assert near == pytest.approx(alone, abs=1.0)
+    assert far > near
+    assert nothing == ""
+    assert words == "Arrows at the right edge: times far beyond the axis."
+    assert places(21.0, 24.0)[1] == ""  # 24 s is drawn to scale
+
+
 def test_what_others_came_to_stands_apart_from_the_answer():
     told = result(
         vc_method=vc(), dwa={"travel_time": 40.0, "reached": True}, voronoi_route={"travel_time": 22}
