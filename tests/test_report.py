@@ -27,7 +27,7 @@ from vnav_drake.scenario import Scenario
 from vnav_drake.world import World
 
 LARGEST_PAGE = 2_400_000  # [bytes]
-VOID = {"meta", "link", "img", "br", "hr", "input"}
+VOID = {"meta", "wbr", "link", "img", "br", "hr", "input"}
 
 
 class Page(HTMLParser):
