@@ -3,7 +3,10 @@
 #   make demo     the warehouse, from scenario file to report
 #   make test     all tests               make test ARGS="-k world"
 #   make lint     ruff and mypy
-#   make gallery  every scenario          make bench    speed against peers
+#   make gallery  every scenario, two at a time, compared with reports/baseline.json
+#   make gallery EFFORT=quick   the same with plan.effort quick, in under five minutes on two cores
+#   make baseline every scenario at the effort of its file; writes reports/baseline.json
+#   make bench    speed against peers
 #   make study    how graphs rank homotopy classes, on 1,000 random worlds (half an hour; goes on where it stopped)
 #   make peers    installs what benchmarks and some tests compare with (needs a C compiler)
 #   make reproduction   every figure printed in the source beside ours: docs/reproduction.md
@@ -22,6 +25,8 @@ VENV ?= .venv
 PYTHON ?=
 ARGS ?=
 JOBS ?= auto
+EFFORT ?=
+GALLERY ?= --jobs 2
 RUN := $(VENV)/bin/python -m
 
 # Packages of another Python (a sourced ROS workspace, say) must not shadow those of the lock file.
@@ -33,7 +38,7 @@ export OMP_NUM_THREADS ?= 1
 STAMP := $(VENV)/.installed
 STALE := $(shell tools/set-up --check "$(VENV)" "$(PYTHON)" || echo stale)
 
-.PHONY: help demo test lint gallery bench study reproduction peers figures clean setup
+.PHONY: help demo test lint gallery baseline bench study reproduction peers figures clean setup
 ifneq ($(STALE),)
 .PHONY: $(STAMP)
 endif
@@ -54,7 +59,16 @@ demo: $(STAMP)
 	$(RUN) verify scenarios/warehouse.yaml
 
 gallery: $(STAMP)
-	$(RUN) verify scenarios/*.yaml
+ifeq ($(EFFORT),)
+	$(RUN) verify scenarios/*.yaml $(GALLERY) --baseline reports/baseline.json
+else
+	@rm -rf build/scenarios && mkdir -p build/scenarios
+	@for file in scenarios/*.yaml; do sed 's/^  effort: .*/  effort: $(EFFORT)/' "$$file" >"build/$$file"; done
+	$(RUN) verify build/scenarios/*.yaml $(GALLERY) --out reports/$(EFFORT) --baseline reports/baseline.json
+endif
+
+baseline: $(STAMP)
+	$(RUN) verify scenarios/*.yaml $(GALLERY) --baseline reports/baseline.json --update-baseline
 
 test: $(STAMP)
 	$(RUN) pytest -n $(JOBS) --maxprocesses 8 --dist loadfile $(ARGS)
