@@ -18,6 +18,7 @@ from result_folder import CHANGES, NO_STOPS, contents, copy_to, outcome
 
 from systems import SimulationError
 from verify import evidence, execution, pipeline, planning, seeding
+from verify.by_products import THUMBNAIL
 from verify.judge import judge
 from verify.pipeline import plain, run_scenario
 from verify.recheck import recheck
@@ -33,7 +34,7 @@ def test_a_run_leaves_the_evidence_the_result_and_the_report():
     assert outcome().exit_code == 0
     assert set(contents(folder)) == {
         "scenario.yaml", "trajectory.csv", "simulation.csv", "stops.npz", "certificate.npz", "result.json",
-        "report.html", "replay.html",
+        "report.html", "replay.html", "thumbnail.svg",
         "trajectories/speed_graph.csv", "trajectories/voronoi_route.csv", "trajectories/collocation.csv",
         "trajectories/refined.csv",
     }  # fmt: skip
@@ -250,4 +251,4 @@ def test_a_full_disk_leaves_the_earlier_result(tmp_path, fits):
 
 def test_the_manifest_covers_all_evidence():
     folder = outcome().report.parent
-    assert set(outcome().result["files"]) == set(contents(folder)) - {evidence.RESULT}
+    assert set(outcome().result["files"]) == set(contents(folder)) - {evidence.RESULT, THUMBNAIL}
