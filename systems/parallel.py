@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import os
 import signal
 import threading
+from collections import deque
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import TypeVar
 
@@ -36,7 +36,8 @@ def in_parallel(
 ) -> list[T]:
     """`work(*task)` for every task, in their order; `finished` is told how many are done, now and then.
 
-    With one worker all happens in this process, otherwise as in `as_finished`. What `finished` raises ends
+    With one worker all happens in this process. Otherwise `work`, tasks and answers must be picklable, and a
+    script that calls this must guard its main part, as `multiprocessing` asks. What `finished` raises ends
     the workers.
 
     Raises
@@ -49,37 +50,19 @@ def in_parallel(
             finished(len(alone))
             alone.append(work(*task))
         return alone
-    answers: dict[int, T] = {}
-    with contextlib.closing(as_finished(work, tasks, workers)) as rounds:
-        for found in rounds:
-            answers |= found
-            finished(len(answers))
-    return [answers[number] for number in range(len(tasks))]
-
-
-def as_finished(
-    work: Callable[..., T], tasks: Sequence[tuple[object, ...]], workers: int
-) -> Generator[dict[int, T], None, None]:
-    """Runs `work(*task)` in processes; gives the answers that came since it was last asked, by task number.
-
-    Asked again it waits at most `GLANCE`, so what it gives may be empty. `work`, tasks and answers must be
-    picklable, and a script that calls this must guard its main part, as `multiprocessing` asks. When it is
-    closed the workers end at once.
-
-    Raises
-    ------
-    What `work` raises; WorkerError when a process is killed.
-    """
     # Threads of this process (a progress bar, say) forbid to fork it.
     context = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(min(workers, len(tasks)), mp_context=context, initializer=_begin_worker)
     before = set(multiprocessing.active_children())
     try:
-        number = {pool.submit(work, *task): i for i, task in enumerate(tasks)}
-        pending = set(number)
+        futures = [pool.submit(work, *task) for task in tasks]
+        pending = set(futures)
         while pending:
             done, pending = wait(pending, GLANCE, FIRST_COMPLETED)
-            yield {number[future]: future.result() for future in done}
+            for future in done:
+                future.result()
+            finished(len(futures) - len(pending))
+        answers = [future.result() for future in futures]
     except BaseException as error:  # whatever it is, and Ctrl-C too, ends the workers at once
         for child in set(multiprocessing.active_children()) - before:
             child.terminate()
@@ -88,6 +71,47 @@ def as_finished(
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+    return answers
+
+
+def apart(
+    work: Callable[..., T], tasks: Sequence[tuple[object, ...]], processes: int
+) -> Generator[dict[int, T | WorkerError], None, None]:
+    """Runs each `work(*task)` in a process of its own, so many at once; a killed one takes no other with it.
+
+    Gives what has come in since it was last asked, by task number: answers, and the error of a process that
+    ended without one. Asked again it waits at most `GLANCE`, so what it gives may be empty. `work`, tasks and
+    answers must be picklable, and a script that calls this must guard its main part, as `multiprocessing`
+    asks. When it is closed all processes end.
+    """
+    context = multiprocessing.get_context("spawn")
+    before = set(multiprocessing.active_children())
+    waiting = deque(enumerate(tasks))
+    running: dict[Future[T], tuple[int, ProcessPoolExecutor]] = {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < processes:
+                number, task = waiting.popleft()
+                pool = ProcessPoolExecutor(1, mp_context=context, initializer=_begin_worker)
+                running[pool.submit(work, *task)] = (number, pool)
+            ended, _ = wait(running, GLANCE, FIRST_COMPLETED)
+            found: dict[int, T | WorkerError] = {}
+            for future in ended:
+                number, pool = running.pop(future)
+                error = future.exception()
+                found[number] = future.result() if error is None else _without_answer(error)
+                pool.shutdown()
+            yield found
+    finally:
+        for child in set(multiprocessing.active_children()) - before:
+            child.terminate()
+        for _, pool in running.values():
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _without_answer(error: BaseException) -> WorkerError:
+    killed = isinstance(error, BrokenProcessPool)
+    return WorkerError("its process was killed" if killed else f"its process gave no answer: {error!r}")
 
 
 def _begin_worker() -> None:

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from systems.parallel import WorkerError, in_parallel, processors
+from systems.parallel import WorkerError, apart, in_parallel, processors
 
 
 class EnoughError(Exception):
@@ -49,6 +49,33 @@ def test_a_killed_worker_is_told():
     with pytest.raises(WorkerError, match="killed"):
         in_parallel(os._exit, [(3,), (3,)], 2)
     assert not multiprocessing.active_children()
+
+
+def test_apart_a_killed_process_takes_no_other_task_with_it():
+    found = {}
+    for some in apart(leave, [(0,), (9,), (0,), (0,)], 2):
+        found |= some
+    assert isinstance(found.pop(1), WorkerError)
+    assert found == {0: 0, 2: 0, 3: 0}
+    assert not multiprocessing.active_children()
+
+
+def test_apart_what_cannot_come_back_is_an_error_too():
+    (found,) = (some[0] for some in apart(eval, [("lambda: 0",)], 1) if some)
+    assert isinstance(found, WorkerError)
+    assert "no answer" in str(found)
+
+
+def test_apart_closing_ends_all_processes():
+    rounds = apart(time.sleep, [(60.0,), (60.0,)], 2)
+    assert next(rounds) == {}
+    rounds.close()
+    assert not multiprocessing.active_children()
+
+
+def leave(code: int) -> int:
+    """Ends its process where the code says so."""
+    return os._exit(code) if code else code
 
 
 def test_processors_are_some():

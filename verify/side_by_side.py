@@ -40,7 +40,7 @@ def attempts(
         for scenario in scenarios:
             yield attempt(scenario, out, overrides, say, figures=figures)
         return
-    from systems.parallel import WorkerError, as_finished, processors
+    from systems.parallel import WorkerError, apart, processors
 
     share = max(1, processors() // min(jobs, len(scenarios)))
     tasks = [
@@ -51,17 +51,16 @@ def attempts(
     told = 0
     interruption = Interruption()
     try:
-        with interruption, contextlib.closing(as_finished(_attempt, tasks, jobs)) as rounds:
+        with interruption, contextlib.closing(apart(_attempt, tasks, jobs)) as rounds:
             for found in rounds:
                 interruption.check()
-                done |= found
+                for number, answer in found.items():
+                    name = scenarios[number].name
+                    done[number] = _lost(name, answer) if isinstance(answer, WorkerError) else answer
                 say(f"{len(done)} of {len(scenarios)} scenarios done, {jobs} at a time")
                 while told in done:
                     yield done[told]
                     told += 1
-    except WorkerError as error:
-        for number in range(told, len(scenarios)):
-            yield done.get(number) or _lost(scenarios[number].name, error)
     finally:
         interruption.restore()
 
@@ -89,5 +88,5 @@ def _attempt(
 
 
 def _lost(name: str, error: Exception) -> Attempt:
-    text = f"{name}: could not finish: {error} (out of memory? with --jobs 1 one runs after the other)"
+    text = f"{name}: could not finish: {error} (out of memory? --jobs 1 runs one after the other)"
     return Attempt(name=name, exit_code=UNFINISHED, error=text)
