@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from judged import scenario_bytes
 from metric_case import result, run
 
 from verify.baseline import (
@@ -19,8 +18,6 @@ from verify.baseline import (
     Run,
     compare,
     entry,
-    kind_of,
-    question_of,
     stored_number,
 )
 from verify.baseline_file import (
@@ -33,8 +30,7 @@ from verify.baseline_file import (
     spread,
     update_baseline,
 )
-from verify.metrics import UNIT_OF_KIND, Metric, metrics
-from vnav_drake.scenario import parse_scenario
+from verify.metrics import UNIT_OF_KIND, Metric, kind_of, metrics
 
 ASKED = "a" * 64
 
@@ -287,28 +283,14 @@ def test_a_line_always_shows_the_difference_that_made_it_fail(was, now):
     assert float(shown.rpartition(" ")[2]) > float(before.rpartition(" ")[2])
 
 
-def asked(**changes: Any) -> str:
-    return question_of(parse_scenario(scenario_bytes(**changes), "here"))
-
-
-def test_the_question_is_what_is_asked_not_how_it_is_told_or_limited():
-    same = [
-        asked(),
-        asked(plan={"effort": "quick"}),
-        asked(plan={"homotopy_classes": 6}),  # the default
-        asked(gates={"analytic_gap": 0.5}),
-        asked(description="other words"),
-        asked(name="other"),
-    ]
-    assert len(set(same)) == 1
-    others = [
-        asked(plan={"homotopy_classes": 3}),
-        asked(plan={"homotopy_classes": 3, "effort": "quick"}),
-        asked(simulation={"stops": 2}),
-        asked(simulation={"stops": 3}),
-    ]
-    assert others[0] == others[1]
-    assert len({*same, *others}) == 4
+@pytest.mark.parametrize(("name", "fails"), [("compute_time.emergency_stops", False), ("lower_bound", True)])
+def test_a_stage_that_no_longer_runs_is_told_and_no_failure(name: str, fails: bool):
+    gone = run(metrics=tuple(m for m in run().metrics if m.name != name))
+    found = compare(stored(run()), gone)
+    told = found.failures if fails else found.remarks
+    assert any(line.startswith(f"baseline {name}: none, was ") for line in told)
+    assert found.passed is not fails
+    assert any(case.bad for case in found.cases) is fails
 
 
 def test_an_update_keeps_other_scenarios_and_tolerances(tmp_path: Path):

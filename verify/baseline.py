@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +10,8 @@ from typing import Any, Literal
 from verify import evidence
 from verify.baseline_file import DIGITS, Baseline, Entry, spread
 from verify.cases import Case
-from verify.metrics import Kind, Metric, metrics
+from verify.metrics import UNIT_OF_KIND, Kind, Metric, kind_of, metrics
+from verify.question import question_of
 from vnav_drake.scenario import Scenario, ScenarioError, load_scenario
 from vnav_drake.zones.errors import PluginError
 
@@ -55,8 +54,8 @@ class Figure:
 
     @property
     def bad(self) -> bool:
-        """Whether the baseline does not hold."""
-        return self.movement in ("worse", "missing")
+        """Whether the baseline does not hold; that a stage no longer runs, and takes no time, is no fault."""
+        return self.movement == "worse" or (self.movement == "missing" and self.kind != "compute_time")
 
     @property
     def line(self) -> str:
@@ -105,9 +104,10 @@ class Comparison:
 
     @property
     def remarks(self) -> list[str]:
-        """One line for each thing that is better, new or was not compared."""
-        told = ("better", "new")
-        return [*_about_run(self.notes), *(f.line for f in self.figures if f.movement in told)]
+        """One line for each thing that is better, new or gone without being missed, or was not compared."""
+        told = ("better", "new", "missing")
+        found = (f.line for f in self.figures if f.movement in told and not f.bad)
+        return [*_about_run(self.notes), *found]
 
     @property
     def cases(self) -> tuple[Case, ...]:
@@ -140,27 +140,11 @@ def _case(name: str, kinds: Sequence[Kind], figures: Sequence[Figure]) -> Case:
     return Case(name=name, status="passed", text="\n".join((words, *moved)))
 
 
-def question_of(scenario: Scenario) -> str:
-    """SHA-256 of what is asked: without how long to search for it, limits of gates, and texts for people.
-
-    Keys that have their default value do not count either: a file that leaves them out asks the same.
-    """
-    asked = scenario.spec.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-    for key in ("name", "description", "gates"):
-        asked.pop(key, None)
-    plan = asked.get("plan", {})
-    plan.pop("effort", None)
-    if not plan:
-        asked.pop("plan", None)
-    text = json.dumps(asked, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
 def run_of(scenario: Scenario, result: Mapping[str, Any]) -> Run:
     """What is compared of a run of `scenario` with the content of its result.json."""
     return Run(
         scenario=scenario.name,
-        question=question_of(scenario),
+        question=question_of(scenario.spec),
         effort=scenario.plan.effort,
         verdict=str(result.get("verdict")),
         metrics=metrics(result),
@@ -187,10 +171,10 @@ def stored_number(value: float) -> float:
 def compare(baseline: Baseline, run: Run) -> Comparison:
     """The run beside the stored one of the same scenario.
 
-    A figure fails when it is worse than the stored one by more than its tolerance, and when the stored
-    run has it and this one has not. Without a stored run, or when something else was asked then, nothing
-    can be compared and that fails. With another effort than the stored run's, compute times are not
-    compared and tolerances for that hold.
+    A figure fails when it is worse than the stored one by more than its tolerance, and, but for compute
+    times, when the stored run has it and this one has not. Without a stored run, or when something else
+    was asked then, nothing can be compared and that fails. With another effort than the stored run's,
+    compute times are not compared and tolerances for that hold.
     """
     stored = baseline.scenarios.get(run.scenario)
     if stored is None:
@@ -245,8 +229,7 @@ def _figures(baseline: Baseline, stored: Entry, run: Run, *, same_effort: bool) 
         if name not in now:
             kind = kind_of(name)
             gone: Movement = "missing" if same_effort or kind != "compute_time" else "not_compared"
-            unit = "s" if kind in ("travel_time", "bound", "compute_time") else "m" * (kind == "margin")
-            yield Figure(name=name, kind=kind, unit=unit, movement=gone, was=was)
+            yield Figure(name=name, kind=kind, unit=UNIT_OF_KIND[kind], movement=gone, was=was)
 
 
 def _figure(baseline: Baseline, metric: Metric, was: float | None, *, same_effort: bool) -> Figure:
@@ -273,17 +256,3 @@ def _figure(baseline: Baseline, metric: Metric, was: float | None, *, same_effor
         was=was,
         allowed=allowed,
     )
-
-
-def kind_of(name: str) -> Kind:
-    """The kind of figure that a name means."""
-    head = name.partition(".")[0]
-    kinds: Mapping[str, Kind] = {
-        "travel_time": "travel_time",
-        "compute_time": "compute_time",
-        "margin": "margin",
-        "tracking_error": "margin",
-        "lower_bound": "bound",
-        "emergency_stops": "count",
-    }
-    return kinds.get(head, "gap")

@@ -19,6 +19,18 @@ UNIT_OF_KIND: Mapping[Kind, str] = {
     "count": "",
     "compute_time": "s",
 }
+# By the first word of a figure's name.
+_KINDS: Mapping[str, Kind] = {
+    "travel_time": "travel_time",
+    "lower_bound": "bound",
+    "gap": "gap",
+    "margin": "margin",
+    "constraint_violation": "gap",
+    "emergency_stops": "count",
+    "tracking_error": "margin",
+    "compute_time": "compute_time",
+}
+_GREATER = frozenset({"lower_bound", "margin"})  # first words of what is better when greater
 _GAPS = ("analytic", "refinement", "certified", "certified_full")
 
 
@@ -31,6 +43,11 @@ class Metric:
     unit: str  # "s", "m", or "" without one
     kind: Kind
     better: Better
+
+
+def kind_of(name: str) -> Kind:
+    """The kind of figure that a name means; of a name that is none of ours, a bare number."""
+    return _KINDS.get(name.partition(".")[0], "gap")
 
 
 def metrics(result: Mapping[str, Any]) -> tuple[Metric, ...]:
@@ -53,35 +70,37 @@ def metrics(result: Mapping[str, Any]) -> tuple[Metric, ...]:
 def _found(result: Mapping[str, Any]) -> Iterator[Metric]:
     for name, plan in _mapping(result, "plans").items():
         if isinstance(plan, Mapping) and plan.get("reached") is not False:
-            yield from _metric(f"travel_time.{name}", plan.get("travel_time"), "travel_time")
+            yield from _metric(f"travel_time.{name}", plan.get("travel_time"))
     simulation = _mapping(result, "simulation")
     if simulation.get("arrived") is not False:
-        yield from _metric("travel_time.simulation", simulation.get("travel_time"), "travel_time")
+        yield from _metric("travel_time.simulation", simulation.get("travel_time"))
     bound = _mapping(result, "lower_bound").get("travel_time")
-    yield from _metric("lower_bound", bound, "bound", better="greater")
+    yield from _metric("lower_bound", bound)
     for name in _GAPS:
-        gap = _number(_mapping(result, "gaps").get(name))
-        yield from _metric(f"gap.{name}", abs(gap) if name == "analytic" and gap is not None else gap, "gap")
+        gap = finite_number(_mapping(result, "gaps").get(name))
+        yield from _metric(f"gap.{name}", abs(gap) if name == "analytic" and gap is not None else gap)
     gates = _gate_values(result)
     stops = _mapping(simulation, "emergency_stops")
-    yield from _metric("margin.braking", gates.get("braking_margin"), "margin", better="greater")
-    yield from _metric("margin.clearance", simulation.get("min_clearance"), "margin", better="greater")
-    yield from _metric("margin.stops_clearance", stops.get("min_clearance"), "margin", better="greater")
-    yield from _metric("constraint_violation", gates.get("constraint_violation"), "gap")
-    yield from _metric("emergency_stops", gates.get("emergency_stops"), "count")
-    yield from _metric("tracking_error", simulation.get("max_tracking_error"), "margin")
-    times = {stage: _number(value) for stage, value in _mapping(result, "compute_times").items()}
+    yield from _metric("margin.braking", gates.get("braking_margin"))
+    yield from _metric("margin.clearance", simulation.get("min_clearance"))
+    yield from _metric("margin.stops_clearance", stops.get("min_clearance"))
+    yield from _metric("constraint_violation", gates.get("constraint_violation"))
+    yield from _metric("emergency_stops", gates.get("emergency_stops"))
+    yield from _metric("tracking_error", simulation.get("max_tracking_error"))
+    times = {stage: finite_number(value) for stage, value in _mapping(result, "compute_times").items()}
     seconds = {stage: value for stage, value in times.items() if value is not None}
     for stage, value in seconds.items():
-        yield from _metric(f"compute_time.{stage}", value, "compute_time")
+        yield from _metric(f"compute_time.{stage}", value)
     if seconds:
-        yield from _metric(TOTAL, sum(seconds.values()), "compute_time")
+        yield from _metric(TOTAL, sum(seconds.values()))
 
 
-def _metric(name: str, value: object, kind: Kind, *, better: Better = "smaller") -> Iterator[Metric]:
+def _metric(name: str, value: object) -> Iterator[Metric]:
     """The one metric, or none where there is no such number."""
-    number = _number(value)
+    number = finite_number(value)
     if number is not None:
+        kind = kind_of(name)
+        better: Better = "greater" if name.partition(".")[0] in _GREATER else "smaller"
         yield Metric(name=name, value=number, unit=UNIT_OF_KIND[kind], kind=kind, better=better)
 
 
@@ -102,7 +121,7 @@ def _mapping(parent: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     return value if isinstance(value, Mapping) else {}
 
 
-def _number(value: object) -> float | None:
+def finite_number(value: object) -> float | None:
     """A finite number; None for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None

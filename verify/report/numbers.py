@@ -8,6 +8,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Decimal
 from typing import Any
 
 from verify.digits import digits_beside, rounded, tells_side, written
+from verify.metrics import finite_number
 
 DASH = "–"
 FEWEST, MOST = 3, 9  # decimals [s] of a bracket
@@ -21,9 +22,7 @@ def number_in(tree: Any, *keys: str) -> float | None:
         if not isinstance(tree, Mapping):
             return None
         tree = tree.get(key)
-    if isinstance(tree, bool) or not isinstance(tree, int | float) or not math.isfinite(tree):
-        return None
-    return float(tree)
+    return finite_number(tree)
 
 
 def _minus(text: str) -> str:
