@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import base64
+import json
 import re
 from pathlib import Path
 from typing import Any
 
+import pytest
 from report_case import corner_path, motion, warehouse
 from test_previous import RESULT, after
 from test_report import Page
 
+from verify.attempt import write_index_of
 from verify.by_products import THUMBNAIL
 from verify.evidence import write_result
 from verify.previous import keep_previous
@@ -128,6 +131,31 @@ def test_names_and_words_from_files_are_text(tmp_path):
     page = Page(index(tmp_path, **{"a_b": odd, "<s>": odd}))
     assert page.all("b") == page.all("i") == page.all("s") == []
     assert "<b>x</b>" in page.text
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        {"simulation": {"emergency_stops": {"bad": 10**400}}, "gaps": {"certified": 10**400}},
+        {"gates": [{"name": "certified_gap", "value": 10**400, "limit": 10**400, "passed": True}]},
+        {"gates": [{"name": "\ud800", "passed": True}], "verdict": "\ud800"},
+        {"gates": 5, "plans": [1], "simulation": "x", "gaps": [], "lower_bound": 3, "versions": None},
+    ],
+)
+def test_a_folder_of_somebody_else_costs_at_most_its_own_row(tmp_path, odd):
+    folder_of(tmp_path, "a", RESULT, before=RESULT)
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "previous.json").write_text(
+        json.dumps({"schema": 1, "metrics": {"travel_time.refined": 10**400}, "gates": {"\ud801": True}})
+    )
+    text = index(tmp_path, a=RESULT, b={**RESULT, **odd})
+    assert "nothing" in Page(row(text, "a")).text
+
+
+def test_an_index_that_cannot_be_written_costs_no_result(tmp_path, capsys):
+    (tmp_path / "index.html").mkdir()
+    write_index_of(tmp_path)
+    assert f"{tmp_path / 'index.html'}: index not written: Is a directory" in capsys.readouterr().err
 
 
 def test_only_our_script_may_run(tmp_path):

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from judged import scenario_bytes
 
+from verify.atomic import ResultFolder
 from verify.by_products import PREVIOUS
 from verify.evidence import manifest, write_result
 from verify.previous import Change, changes, keep_previous, previous_of, read_previous
@@ -98,6 +100,75 @@ def test_what_was_kept_and_cannot_be_read_is_as_if_it_were_not_there(tmp_path, c
     (tmp_path / PREVIOUS).write_bytes(content)
     assert read_previous(tmp_path) is None
     assert changes_cell(read_previous(tmp_path), RESULT).rank == NEW
+
+
+def test_an_integer_that_no_float_holds_is_no_figure(tmp_path):
+    huge = {"schema": 1, "metrics": {"travel_time.refined": 10**400, "lower_bound": 25}}
+    (tmp_path / PREVIOUS).write_text(json.dumps(huge))
+    before = read_previous(tmp_path)
+    assert before is not None
+    assert before.metrics == {"lower_bound": 25.0}
+    assert changes_cell(before, after(gaps__certified=10**400)).told
+
+
+def test_words_that_are_no_unicode_are_kept(tmp_path):
+    (tmp_path / "old").mkdir()
+    (tmp_path / "new").mkdir()
+    odd = after(verdict="\ud800", gates=[{"name": "\udfff", "passed": True}])
+    (tmp_path / "old" / "result.json").write_text(json.dumps(odd))  # as an escape, which is ASCII
+    keep_previous(tmp_path / "old", tmp_path / "new")
+    before = read_previous(tmp_path / "new")
+    assert before is not None
+    assert (before.verdict, before.gates) == ("\ud800", {"\udfff": True})
+
+
+def test_what_is_kept_is_of_the_result_that_is_replaced(tmp_path):
+    # Both begin before either is done: the second one's predecessor is the first one's result.
+    with ResultFolder(tmp_path, "room") as first, ResultFolder(tmp_path, "room") as second:
+        write_result(first.work, after(verdict="refined"))
+        first.publish(keep_previous)
+        write_result(second.work, RESULT)
+        second.publish(keep_previous)
+    before = read_previous(tmp_path / "room")
+    assert before is not None
+    assert before.verdict == "refined"
+
+
+def told_of(tmp_path: Path, *files: bytes) -> list[str]:
+    """What the index tells of two runs with the same figures, but for 26 s that became 27.3 s."""
+    for name, data in zip(("old", "new"), files, strict=True):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "scenario.yaml").write_bytes(data)
+    write_result(tmp_path / "old", RESULT)
+    keep_previous(tmp_path / "old", tmp_path / "new")
+    now = after(scenario_sha256="cd" * 32, plans__refined__travel_time=27.3)
+    cell = changes_cell(read_previous(tmp_path / "new"), now, tmp_path / "new")
+    return [f"{words.direction}: {words.text}".replace("\u00a0", " ") for words in cell.told]
+
+
+SLOWER = "travel time 26.000 s → 27.300 s (+5.00 %)"  # 1.3 / 26
+
+
+def test_another_comment_or_limit_is_the_same_question(tmp_path):
+    one, other = scenario_bytes(), b"# a comment\n" + scenario_bytes(gates={"analytic_gap": 0.5})
+    assert told_of(tmp_path, one, other) == [f"worse: {SLOWER}"]
+
+
+def test_another_effort_is_told_apart(tmp_path):
+    found = told_of(tmp_path, scenario_bytes(), scenario_bytes(plan={"effort": "quick"}))
+    assert found == ["neutral: effort full → quick", f"worse: {SLOWER}"]
+
+
+def test_another_question_makes_figures_incomparable(tmp_path):
+    found = told_of(tmp_path, scenario_bytes(), scenario_bytes(start={"position": [6.0, 2.0]}))
+    assert found == ["neutral: scenario changed", f"neutral: {SLOWER}"]
+
+
+@pytest.mark.parametrize("broken", [0, 1])
+def test_a_scenario_that_cannot_be_read_counts_as_changed(tmp_path, broken):
+    files = [scenario_bytes(), scenario_bytes()]
+    files[broken] = b"no scenario"
+    assert told_of(tmp_path, *files)[0] == "neutral: scenario changed"
 
 
 def test_figures_of_a_wrong_type_are_left_out(tmp_path):

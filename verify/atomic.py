@@ -171,14 +171,18 @@ class ResultFolder:
                 os.close(self._handle)
             self._work, self._handle = None, -1
 
-    def publish(self) -> None:
-        """Swap the hidden folder in; files in the old one that are not ours come along."""
+    def publish(self, keep: Callable[[Path, Path], object] = lambda _old, _new: None) -> None:
+        """Swap the hidden folder in; files in the old one that are not ours come along.
+
+        `keep` is called with the folder that is replaced, if there is one, and the one that replaces it.
+        """
         with locked(self.out), deferred_signals():
             self._require_replaceable()
             backup = self.work.with_name(f"{self.work.name}.old")
             replaced = self.final.exists()
             if replaced:
                 self._carry_over()
+                keep(self.final, self.work)
             self.work.chmod(0o777 & ~_umask())
             if replaced:
                 self.final.rename(backup)

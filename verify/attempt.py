@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import logging
+import sys
 import traceback
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from shapely.errors import ShapelyError
-
 from verify import evidence
 from verify.atomic import OutputError, locked
 from verify.by_products import FigureFormat
+from verify.defects import DEFECTS
 from verify.evidence import EvidenceError
 from verify.exit_codes import BAD_INPUT, UNFINISHED
 from vnav_drake.scenario import Scenario, ScenarioError, load_scenario
@@ -22,21 +22,6 @@ from vnav_drake.zones.errors import PluginError
 if TYPE_CHECKING:
     from verify.pipeline import Outcome
     from verify.stages import Say
-
-# What a fault of ours, or memory running out, is raised as. Interruptions pass.
-DEFECTS = (
-    ArithmeticError,
-    AssertionError,
-    AttributeError,
-    ImportError,
-    LookupError,
-    MemoryError,
-    NameError,
-    RuntimeError,
-    ShapelyError,
-    TypeError,
-    ValueError,
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +90,6 @@ def attempt(
                 workers=workers or processors(),
                 figures=figures,
             )
-        _write_index(out)
     except (ScenarioError, OutputError) as error:
         return Attempt(name=name, exit_code=BAD_INPUT, error=str(error))
     except EvidenceError as error:  # what was written, too large for one
@@ -121,6 +105,7 @@ def attempt(
         where = f"{error.filename}: " if error.filename else ""
         text = f"{name}: {where}{error.strerror or error}; an earlier result is as it was"
         return Attempt(name=name, exit_code=UNFINISHED, error=text)
+    write_index_of(out)
     return Attempt(name=name, exit_code=outcome.exit_code, outcome=outcome)
 
 
@@ -130,12 +115,20 @@ def _unfinished(name: str, reason: str) -> Attempt:
     return Attempt(name=name, exit_code=UNFINISHED, error=text, trace=traceback.format_exc())
 
 
-def _write_index(out: Path) -> None:
-    """All results in `out` side by side, those of earlier runs too."""
-    from verify.report import write_index
+def write_index_of(out: Path) -> None:
+    """All results in `out` side by side, those of earlier runs too.
 
-    with locked(out):
-        write_index(out / "index.html", _results(out))
+    The folder may hold anything: an index that cannot be written is told on standard error, and the run has
+    the result that it has.
+    """
+    try:
+        from verify.report import write_index
+
+        with locked(out):
+            write_index(out / "index.html", _results(out))
+    except (OSError, *DEFECTS) as error:
+        words = (error.strerror if isinstance(error, OSError) else "") or f"{type(error).__name__}: {error}"
+        print(f"verify: {out / 'index.html'}: index not written: {words}", file=sys.stderr)
 
 
 def _results(out: Path) -> list[tuple[str, Mapping[str, Any]]]:

@@ -138,8 +138,7 @@ def _fill(
     _write_thumbnail(folder.work, scenario, done)
     result["files"] = evidence.manifest(folder.work)
     evidence.write_result(folder.work, result)
-    keep_previous(folder.final, folder.work)
-    folder.publish()
+    folder.publish(keep_previous)
     return Outcome(
         judgement=judgement,
         result=result,

@@ -15,7 +15,9 @@ from typing import Any, Literal
 from verify import evidence
 from verify.by_products import PREVIOUS
 from verify.evidence import EvidenceError
-from verify.metrics import Metric, metrics
+from verify.metrics import Metric, finite_number, metrics
+from verify.question import Asked, asked_in
+from vnav_drake.scenario_file import ScenarioError
 
 SCHEMA = 1  # of previous.json
 ROUNDING = 1e-6  # relative: far above the rounding of sums, far below what anybody would act on
@@ -29,6 +31,8 @@ class Previous:
     """Key figures of the result that the present one replaced."""
 
     scenario_sha256: str
+    question: str = ""  # as from `question_of`; empty: not known
+    effort: str = ""
     verdict: str
     gates: Mapping[str, bool | None] = field(default_factory=dict)  # name -> passed; None: not evaluated
     metrics: Mapping[str, float] = field(default_factory=dict)  # as `metrics` names them
@@ -39,20 +43,22 @@ class Previous:
 class Change:
     """One thing that is not as it was."""
 
-    kind: Literal["scenario", "verdict", "gate", "metric"]
+    kind: Literal["scenario", "effort", "verdict", "gate", "metric"]
     name: str  # of the gate or metric; empty of the others
     direction: Direction
     before: str | float | bool | None  # of a gate: passed; of a metric: its value; None: there was none
     after: str | float | bool | None
 
 
-def previous_of(result: Mapping[str, Any]) -> Previous:
-    """The key figures of a result, as the next run of the scenario keeps them."""
+def previous_of(result: Mapping[str, Any], asked: Asked | None = None) -> Previous:
+    """The key figures of a result, and what it was `asked`, as the next run of the scenario keeps them."""
     gates = result.get("gates")
     named = [g for g in gates if isinstance(g, Mapping)] if isinstance(gates, list) else []
     versions = result.get("versions")
     return Previous(
         scenario_sha256=_word(result.get("scenario_sha256")),
+        question="" if asked is None else asked.question,
+        effort="" if asked is None else asked.effort,
         verdict=_word(result.get("verdict")),
         gates={_word(gate.get("name")): _passed(gate.get("passed")) for gate in named if gate.get("name")},
         metrics={metric.name: metric.value for metric in metrics(result)},
@@ -68,9 +74,10 @@ def keep_previous(old: Path, new: Path) -> None:
     OSError : the file cannot be written.
     """
     with contextlib.suppress(EvidenceError):
-        kept = previous_of(evidence.read_result(old))
+        kept = previous_of(evidence.read_result(old), _asked_in(old))
         content = {"schema": SCHEMA, **vars(kept)}
-        text = json.dumps(content, indent=1, sort_keys=True, allow_nan=False, ensure_ascii=False)
+        # ASCII only: a word from a file may hold a lone surrogate, for which UTF-8 has no bytes
+        text = json.dumps(content, indent=1, sort_keys=True, allow_nan=False)
         (new / PREVIOUS).write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
@@ -85,6 +92,8 @@ def read_previous(folder: Path) -> Previous | None:
     gates, figures = kept.get("gates"), kept.get("metrics")
     return Previous(
         scenario_sha256=_word(kept.get("scenario_sha256")),
+        question=_word(kept.get("question")),
+        effort=_word(kept.get("effort")),
         verdict=_word(kept.get("verdict")),
         gates={name: _passed(value) for name, value in gates.items()} if isinstance(gates, dict) else {},
         metrics=_numbers(figures),
@@ -92,15 +101,24 @@ def read_previous(folder: Path) -> Previous | None:
     )
 
 
-def changes(before: Previous, result: Mapping[str, Any]) -> tuple[Change, ...]:
-    """What moved: scenario, verdict, gates, then travel times, lower bound and gaps beyond rounding."""
-    return tuple(_changes(before, result))
+def changes(before: Previous, result: Mapping[str, Any], folder: Path | None = None) -> tuple[Change, ...]:
+    """What moved: scenario, effort, verdict, gates, then travel times, lower bound and gaps beyond rounding.
+
+    `folder` is the result's. A scenario whose file there is another one, but asks the same, has not changed.
+    """
+    return tuple(_changes(before, result, folder))
 
 
-def _changes(before: Previous, result: Mapping[str, Any]) -> Iterator[Change]:
+def _changes(before: Previous, result: Mapping[str, Any], folder: Path | None) -> Iterator[Change]:
     now = previous_of(result)
     if now.scenario_sha256 != before.scenario_sha256:
-        yield Change(kind="scenario", name="", direction="neutral", before=None, after=None)
+        asked = None if folder is None else _asked_in(folder)
+        if asked is None or asked.question != before.question:
+            yield Change(kind="scenario", name="", direction="neutral", before=None, after=None)
+        if asked is not None and before.effort and asked.effort != before.effort:
+            yield Change(
+                kind="effort", name="", direction="neutral", before=before.effort, after=asked.effort
+            )
     if now.verdict != before.verdict:
         failed = (before.verdict == "failed", now.verdict == "failed")
         direction: Direction = "neutral" if failed[0] == failed[1] else "better" if failed[0] else "worse"
@@ -138,6 +156,14 @@ def _moved(metric: Metric, was: float | None) -> Iterator[Change]:
         )
 
 
+def _asked_in(folder: Path) -> Asked | None:
+    """What the scenario of a result folder asks; None where that cannot be read."""
+    try:
+        return asked_in(evidence.read_bytes(folder, evidence.SCENARIO))
+    except (EvidenceError, ScenarioError):
+        return None
+
+
 def _word(value: object) -> str:
     return value if isinstance(value, str) else ""
 
@@ -153,8 +179,5 @@ def _texts(values: object) -> dict[str, str]:
 def _numbers(values: object) -> dict[str, float]:
     if not isinstance(values, dict):
         return {}
-    return {
-        name: float(value)
-        for name, value in values.items()
-        if isinstance(value, int | float) and not isinstance(value, bool)
-    }
+    read = {name: finite_number(value) for name, value in values.items()}
+    return {name: number for name, number in read.items() if number is not None}

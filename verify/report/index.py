@@ -14,6 +14,7 @@ from markupsafe import Markup
 
 from verify import evidence
 from verify.by_products import THUMBNAIL
+from verify.defects import DEFECTS
 from verify.evidence import EvidenceError
 from verify.previous import read_previous
 from verify.report import story
@@ -57,13 +58,14 @@ def write_index(file: Path, results: Sequence[tuple[str, Mapping[str, Any]]]) ->
     """Write the index page of `results`, pairs of a scenario's folder name beside `file` and its result.
 
     Failing scenarios come first. Small maps, the run before and the time of the run come from the folders;
-    what is not there is left out.
+    what is not there is left out, and so is a result of which no row can be made: it may be somebody else's.
 
     Raises
     ------
     OSError : the file cannot be written; an older one is untouched.
     """
-    rows = [_row(file.parent, name, result) for name, result in results]
+    found = (_readable_row(file.parent, name, result) for name, result in results)
+    rows = [row for row in found if row is not None]
     rows.sort(key=lambda row: (row.rank, row.name))
     counts = {kind: sum(row.standing == kind for row in rows) for kind in _STANDINGS}
     moved = [
@@ -83,6 +85,13 @@ def write_index(file: Path, results: Sequence[tuple[str, Mapping[str, Any]]]) ->
         moved=[f"{number} {word}" for word, number in moved if number],
     )
     write_whole(file, text)
+
+
+def _readable_row(out: Path, name: str, result: Mapping[str, Any]) -> IndexRow | None:
+    try:
+        return _row(out, name, result)
+    except DEFECTS:
+        return None
 
 
 def _row(out: Path, name: str, result: Mapping[str, Any]) -> IndexRow:
@@ -121,7 +130,7 @@ def _row(out: Path, name: str, result: Mapping[str, Any]) -> IndexRow:
             Cell(name="Simulated", text=story.unfinished(result) or seconds(simulated), value=simulated),
             Cell(name="Bad stops", text=stops or DASH, value=bad if stops else None),
         ],
-        changes=changes_cell(read_previous(folder), result),
+        changes=changes_cell(read_previous(folder), result, folder),
         run=_run_at(folder),
     )
 

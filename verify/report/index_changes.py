@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from verify.metrics import finite_number
 from verify.previous import Change, Previous, changes
 from verify.report import story
 from verify.report.numbers import DASH, percent, percent_or_times, seconds, seconds_proven
@@ -42,13 +44,19 @@ class ChangesCell:
     words: str = ""  # where nothing changed, or nothing is known of an earlier run
 
 
-def changes_cell(before: Previous | None, result: Mapping[str, Any]) -> ChangesCell:
-    """What is not as in the run before, the executed motion's travel time before those of others."""
+def changes_cell(
+    before: Previous | None, result: Mapping[str, Any], folder: Path | None = None
+) -> ChangesCell:
+    """What is not as in the run before, the executed motion's travel time before those of others.
+
+    `folder` is the result's: it tells whether another scenario file asks another question.
+    """
     if before is None:
         return ChangesCell(rank=NEW, words="new: no earlier run")
     executed = f"travel_time.{story.executed_plan(result)}"
     found = sorted(
-        changes(before, result), key=lambda change: change.kind == "metric" and change.name != executed
+        changes(before, result, folder),
+        key=lambda change: change.kind == "metric" and change.name != executed,
     )
     pairs = [(change, _in_words(change, executed)) for change in found]
     other = any(change.kind == "scenario" for change in found)  # another question: neither better nor worse
@@ -68,6 +76,8 @@ def _in_words(change: Change, executed: str) -> str:
     """Empty where both figures read the same."""
     if change.kind == "scenario":
         return "scenario changed"
+    if change.kind == "effort":
+        return f"effort {plain(str(change.before))} → {plain(str(change.after))}"
     if change.kind == "verdict":
         return f"verdict {_verdict(change.before)} → {_verdict(change.after)}"
     if change.kind == "gate":
@@ -94,7 +104,7 @@ def _figure(change: Change, executed: str) -> str:
         name, form = "lower bound", seconds_proven
     elif kind == "travel_time":
         name = "travel time" if change.name == executed else f"{method(plan).label} time"
-    before, after = _number(change.before), _number(change.after)
+    before, after = finite_number(change.before), finite_number(change.after)
     texts = _written(before, form), _written(after, form)
     if texts[0] == texts[1]:
         return ""
@@ -102,10 +112,6 @@ def _figure(change: Change, executed: str) -> str:
     if not gap and before and after is not None:
         share = f" ({percent_or_times(after / before - 1.0)})"
     return f"{name} {texts[0]} → {texts[1]}{share}"
-
-
-def _number(value: object) -> float | None:
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 def _written(value: float | None, form: Callable[[float], str]) -> str:
