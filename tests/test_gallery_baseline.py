@@ -28,8 +28,8 @@ def test_it_is_of_the_effort_that_the_file_asks_for(baseline, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_nothing_has_become_worse(baseline, name, tmp_path_factory):
-    # Run with fewer emergency stops, so the file's question stands for what was asked; of the stops' clearance
-    # and number of bad ones this sees a sample, of everything else the same as the command.
+    # Run with fewer emergency stops, so the file's question stands for what was asked: of the stops this
+    # sees a sample, of everything else what the command sees.
     asked = load_scenario(ROOT / "scenarios" / f"{name}.yaml")
     found = compare(baseline, run_of(asked, read_result(verified(name, tmp_path_factory))))
     assert not found.failures, "\n".join(found.failures)
