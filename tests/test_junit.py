@@ -22,7 +22,7 @@ KNOWN = {
     "property": {"name", "value"},
     "testcase": {"name", "classname", "time", "file"},
     "failure": {"message"},
-    "error": {"message"},
+    "error": {"message", "type"},
     "skipped": {"message"},
     "system-out": set(),
 }
@@ -139,4 +139,15 @@ def test_nothing_run_at_all_is_an_error_with_the_reason(tmp_path: Path):
     )
     (case,) = root.iter("testcase")
     assert case[0].tag == "error"
+    assert case[0].get("type") == "not_finished"
     assert case[0].get("message") == "bad.yaml, line 3: robot.radius = -1"
+
+
+def test_bad_input_is_told_from_what_could_not_finish(tmp_path: Path):
+    root = written(
+        tmp_path,
+        Suite(name="bad.yaml", error="bad.yaml, line 3: no", bad_input=True),
+        suite(HELD, missing=("refined: out of iterations",)),
+    )
+    assert [error.get("type") for error in root.iter("error")] == ["bad_input", "not_finished"]
+    assert [own.get("errors") for own in root] == ["1", "1"]

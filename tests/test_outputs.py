@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from collections.abc import Iterator
 from copy import deepcopy
@@ -14,7 +15,7 @@ from xml.etree import ElementTree
 import pytest
 from judged import scenario_bytes
 
-from verify import batch, pipeline, recheck
+from verify import batch, outputs, pipeline, recheck
 from verify.__main__ import main
 from verify.attempt import Attempt, attempt
 from verify.exit_codes import UNFINISHED
@@ -161,6 +162,7 @@ def test_a_bad_baseline_exits_2_before_anything_runs(verify, tmp_path, capsys):
     def never() -> Attempt:
         raise AssertionError
 
+    (tmp_path / "trend" / "smaller-is-better.json").mkdir(parents=True)
     bad = tmp_path / "bad.json"
     bad.write_text('{"schema": 1, "tolerances": {"gap": {"absolute": -1}}}')
     for arguments, words in (
@@ -169,6 +171,9 @@ def test_a_bad_baseline_exits_2_before_anything_runs(verify, tmp_path, capsys):
         (["--baseline", str(tmp_path / "absent.json")], "does not exist; --update-baseline writes it"),
         (["--baseline", str(tmp_path / "no/b.json"), "--update-baseline"], "its folder does not exist"),
         (["--junit", str(tmp_path)], "is a folder"),
+        (["--junit", "/proc/j.xml"], "/proc/j.xml: no file can be made in its folder"),
+        (["--baseline", "/proc/b.json", "--update-baseline"], "/proc/b.json: no file can be made"),
+        (["--trend", str(tmp_path / "trend")], "smaller-is-better.json: is a folder"),
         (["--trend", str(bad / "charts")], "cannot be used for output"),
     ):
         assert verify(*arguments, of=never) == 2
@@ -197,6 +202,29 @@ def test_bad_input_stands_in_the_summary_too(verify, done, tmp_path, monkeypatch
     assert verify(files=(done.file, bad)) == 2
     assert "### verify: 1 of 2 scenarios passed" in summary.read_text()
     assert "bad.yaml" in summary.read_text()
+    assert "**bad input**" in summary.read_text()
+
+
+def test_what_cannot_be_written_keeps_nothing_else_from_it(
+    verify, done, stored, tmp_path, capsys, monkeypatch
+):
+    """The disk is full for the JUnit file, and somebody breaks the baseline during the run."""
+
+    def full(*_: object) -> None:
+        stored.write_text("{")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(outputs, "write_junit", full)
+    junit, charts = tmp_path / "j.xml", tmp_path / "charts"
+    update = ("--baseline", str(stored), "--update-baseline")
+    capsys.readouterr()
+    assert verify("--junit", str(junit), "--trend", str(charts), *update) == UNFINISHED
+    told = capsys.readouterr().err.splitlines()
+    assert told[0] == f"verify: {junit}: cannot be written: No space left on device"
+    assert told[1].startswith(f"verify: {stored}: not the JSON")
+    assert len(list(charts.iterdir())) == 2
+    assert stored.read_text() == "{"
+    assert not junit.exists()
 
 
 def test_trends_of_a_run(verify, tmp_path):

@@ -62,15 +62,17 @@ def test_what_could_not_run_is_not_passed():
     text = step_summary(
         [
             suite(HELD),
-            Suite(name="bad.yaml", error="bad.yaml, line 3: no"),
+            Suite(name="bad.yaml", error="bad.yaml, line 3: no", bad_input=True),
             suite(HELD, missing=("refined: out of iterations",)),
             suite(judgement=judgement(HELD, verdict="failed", executed=None)),
+            Suite(name="yard", error="yard: out of memory"),
             Suite(name="nothing"),  # no case at all: nobody judged it
         ]
     )
-    assert text.startswith("### verify: 1 of 5 scenarios passed\n")
+    assert text.startswith("### verify: 1 of 6 scenarios passed\n")
     results = [row[1] for row in rows(text)]
-    assert results == ["passed", "**not finished**", "**not finished**", "**failed**", "**failed**"]
+    stopped = "**not finished**"
+    assert results == ["passed", "**bad input**", stopped, "**failed**", stopped, "**failed**"]
 
 
 def test_without_a_gap_to_the_variational_model_that_of_the_full_robot_is_told():
@@ -97,6 +99,30 @@ def test_details_are_left_out_where_they_do_not_fit():
     assert "<details>" not in short
     assert "Details are left out" in short
     assert rows(short) == rows(whole)
+
+
+@given(st.integers(min_value=400, max_value=8000))
+def test_a_table_that_does_not_fit_loses_rows_that_passed_first(room: int):
+    suites = [suite(HELD, name=f"good{n}") for n in range(20)]
+    suites[5::5] = [suite(BROKEN, name=f"bad{n}") for n in range(3)]
+    text = step_summary(suites, room=room)
+    assert len(text.encode()) <= room
+    assert text.startswith("### verify: 17 of 20 scenarios passed\n")
+    names = [row[0] for row in rows(text)]
+    if "missing" in text:
+        told = re.search(r"\n\n(\d+) scenarios? (?:is|are) missing in this table, (\d+) of which", text)
+        assert told is not None
+        kept = sum(name.startswith("bad") for name in names)
+        assert [int(number) for number in told.groups()] == [20 - len(names), 3 - kept]
+        assert all(name.startswith("bad") for name in names[:3])
+    else:
+        assert names == [suite.name for suite in suites]  # in their order
+
+
+def test_a_full_page_gets_the_heading_and_what_is_missing():
+    text = step_summary([suite(BROKEN)], room=-1)
+    assert rows(text) == []
+    assert "1 scenario is missing in this table, 1 of which did not pass." in text
 
 
 @given(st.text(max_size=40))

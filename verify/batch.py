@@ -59,9 +59,12 @@ def run_files(options: argparse.Namespace) -> int:
                     webbrowser.open(done.outcome.report.absolute().as_uri())
                 worst = max(worst, code)
                 suites.append(suite)
-    for line in write_outputs(options, suites, baseline):
+    written = write_outputs(options, suites, baseline)
+    for fault in written.faults:
+        print(f"verify: {fault}", file=sys.stderr)
+    for line in written.lines:
         print(line, flush=True)
-    return worst
+    return max(worst, written.exit_code)
 
 
 def _load(files: list[Path]) -> tuple[list[Scenario], list[Suite]]:
@@ -73,10 +76,10 @@ def _load(files: list[Path]) -> tuple[list[Scenario], list[Suite]]:
             scenario = load(file, scenarios)
         except PluginError as error:
             print(f"{file}: {error}", file=sys.stderr)
-            suites.append(Suite(name=str(file), file=str(file), error=str(error)))
+            suites.append(Suite(name=str(file), file=str(file), error=str(error), bad_input=True))
         except ScenarioError as error:
             print(error, file=sys.stderr)
-            suites.append(Suite(name=str(file), file=str(file), error=str(error)))
+            suites.append(Suite(name=str(file), file=str(file), error=str(error), bad_input=True))
         else:
             scenarios.append(scenario)
     return scenarios, suites
@@ -86,7 +89,7 @@ def _suite(done: Attempt, scenario: Scenario, baseline: Baseline | None) -> Suit
     """What became of a scenario, beside the baseline if that is to be compared."""
     outcome, file = done.outcome, str(scenario.source or "")
     if outcome is None:
-        return Suite(name=done.name, file=file, error=done.error)
+        return Suite(name=done.name, file=file, error=done.error, bad_input=done.exit_code == BAD_INPUT)
     run = run_of(scenario, outcome.result)
     return Suite(
         name=done.name,

@@ -17,7 +17,8 @@ NAMES = (*GATE_NAMES, VERDICT)  # of the cases that every judged run has
 # What a gate's figures are of, where they are no bare numbers.
 UNITS = {"braking_margin": "m", "emergency_stops": "stops"}
 
-Status = Literal["passed", "failed", "skipped", "error"]
+# `bad_input`: the file is to be mended, nothing ran; `error`: something that ran could not finish.
+Status = Literal["passed", "failed", "skipped", "error", "bad_input"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +39,7 @@ class Case:
     @property
     def bad(self) -> bool:
         """Whether it counts against the run."""
-        return self.status in ("failed", "error")
+        return self.status in ("failed", "error", "bad_input")
 
 
 def cases(judgement: Judgement, unfinished: Sequence[str] = ()) -> tuple[Case, ...]:

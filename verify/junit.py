@@ -19,14 +19,17 @@ __all__ = ["Suite", "write_junit"]
 # Characters that XML 1.0 cannot hold at all.
 _ILLEGAL = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
-_TAGS = {"passed": "", "failed": "failure", "skipped": "skipped", "error": "error"}
+# What kind of error; one for each status that is told as `error`.
+_TYPES = {"error": "not_finished", "bad_input": "bad_input"}
+_TAGS = {"passed": "", "failed": "failure", "skipped": "skipped", "error": "error", "bad_input": "error"}
 
 
 def write_junit(file: Path, suites: Sequence[Suite]) -> None:
     """A suite a scenario, with its measured values as properties.
 
     It has one test case a gate, one for the verdict, and with a baseline one for each kind of figure. What
-    was not evaluated is skipped, or failed where somebody asks for it by name.
+    was not evaluated is skipped, or failed where somebody asks for it by name. An error has the type
+    `bad_input` where the file has to be mended, `not_finished` where a run could not finish.
     """
     root = ElementTree.Element("testsuites", name="verify", time=_seconds(sum(s.seconds for s in suites)))
     root.extend(_suite(suite) for suite in suites)
@@ -43,7 +46,7 @@ def _suite(suite: Suite) -> ElementTree.Element:
         name=_text(suite.name),
         tests=str(len(found)),
         failures=_count(found, "failed"),
-        errors=_count(found, "error"),
+        errors=_count(found, *_TYPES),
         skipped=_count(found, "skipped"),
         time=_seconds(suite.seconds),
     )
@@ -78,13 +81,15 @@ def _case(parent: ElementTree.Element, case: Case, attributes: dict[str, str]) -
     tag = _TAGS[case.status]
     if tag:
         mark = ElementTree.SubElement(element, tag, message=_text(case.text))
+        if case.status in _TYPES:
+            mark.set("type", _TYPES[case.status])
         mark.text = _text(case.text)
     else:
         ElementTree.SubElement(element, "system-out").text = _text(case.text)
 
 
-def _count(found: Iterable[Case], status: str) -> str:
-    return str(sum(case.status == status for case in found))
+def _count(found: Iterable[Case], *statuses: str) -> str:
+    return str(sum(case.status in statuses for case in found))
 
 
 def _seconds(time: float) -> str:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 from verify.atomic import OutputError, replace_file, usable_folder
 from verify.baseline import compare, entry
-from verify.baseline_file import Baseline, read_baseline, update_baseline
+from verify.baseline_file import Baseline, BaselineError, read_baseline, update_baseline
+from verify.exit_codes import BAD_INPUT, OK, UNFINISHED
 from verify.junit import write_junit
 from verify.step_summary import write_step_summary
 from verify.suite import Suite
-from verify.trend import write_trend
+from verify.trend import FILES, write_trend
 
 
 def prepare(options: argparse.Namespace) -> Baseline | None:
@@ -19,19 +23,33 @@ def prepare(options: argparse.Namespace) -> Baseline | None:
 
     Raises
     ------
-    OutputError : a folder cannot be used.
+    OutputError : a folder cannot be used, or a file cannot be made.
     BaselineError : the baseline is missing where it is to be compared with, or is no baseline.
     """
     for file in (options.junit, options.baseline if options.update_baseline else None):
-        if file is not None and not file.absolute().parent.is_dir():
-            raise OutputError(f"{file}: its folder does not exist")
-    if options.junit is not None and options.junit.is_dir():
-        raise OutputError(f"{options.junit}: is a folder, expected a file")
+        if file is not None:
+            _require_writable(file)
     if options.trend is not None:
         usable_folder(options.trend)
+        for name in FILES.values():
+            _require_writable(options.trend / name)
     if options.baseline is None or (options.update_baseline and not options.baseline.exists()):
         return None
     return read_baseline(options.baseline)
+
+
+def _require_writable(file: Path) -> None:
+    """Files are put in place whole, so what counts is that one can be made beside it."""
+    folder = file.resolve().parent  # a link stays one
+    if not folder.is_dir():
+        raise OutputError(f"{file}: its folder does not exist")
+    if file.is_dir():
+        raise OutputError(f"{file}: is a folder, expected a file")
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise OutputError(f"{file}: no file can be made in its folder: {error.strerror}") from error
 
 
 def baseline_lines(suite: Suite, baseline: Baseline | None, options: argparse.Namespace) -> list[str]:
@@ -59,26 +77,58 @@ def storable(suite: Suite) -> bool:
     return suite.run is not None and suite.run.verdict != "failed" and suite.passed
 
 
-def write_outputs(
-    options: argparse.Namespace, suites: Sequence[Suite], baseline: Baseline | None
-) -> list[str]:
-    """Write all that was asked for; gives lines to print.
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """What became of the files beside the result folders."""
 
-    Raises
-    ------
-    BaselineError : the baseline has become unusable meanwhile.
-    OSError : something cannot be written. Only the step's summary may fail without that.
+    lines: tuple[str, ...] = ()  # to print
+    faults: tuple[str, ...] = ()  # what could not be written, and why
+    exit_code: int = OK  # the worst
+
+
+def write_outputs(options: argparse.Namespace, suites: Sequence[Suite], baseline: Baseline | None) -> Written:
+    """Write all that was asked for; what cannot be written keeps nothing else from it.
+
+    A step's summary that cannot be written is told on standard error, and is no fault.
     """
     write_step_summary(suites)
+    lines: list[str] = []
+    faults: list[str] = []
+    code = OK
+    for file, write in _steps(options, suites, baseline):
+        try:
+            lines += write()
+        except BaselineError as error:  # it has become unusable meanwhile
+            faults.append(str(error))
+            code = max(code, BAD_INPUT)
+        except OSError as error:
+            faults.append(f"{file}: cannot be written: {error.strerror or error}")
+            code = max(code, UNFINISHED)
+    return Written(lines=tuple(lines), faults=tuple(faults), exit_code=code)
+
+
+def _steps(
+    options: argparse.Namespace, suites: Sequence[Suite], baseline: Baseline | None
+) -> Iterator[tuple[Path, Callable[[], list[str]]]]:
+    """Files that were asked for, and what writes each and gives lines to print."""
     if options.junit is not None:
-        replace_file(options.junit.absolute(), lambda aside: write_junit(aside, suites))
+        yield options.junit, lambda: _junit(options.junit, suites)
     if options.trend is not None:
-        write_trend(options.trend, suites)
-    if options.baseline is None:
-        return []
+        yield options.trend, lambda: _trend(options.trend, suites)
     if options.update_baseline:
-        return _updated(options, suites)
-    return _not_run(options, suites, baseline)
+        yield options.baseline, lambda: _updated(options, suites)
+    elif options.baseline is not None:
+        yield options.baseline, lambda: _not_run(options, suites, baseline)
+
+
+def _junit(file: Path, suites: Sequence[Suite]) -> list[str]:
+    replace_file(file.resolve(), lambda aside: write_junit(aside, suites))
+    return []
+
+
+def _trend(folder: Path, suites: Sequence[Suite]) -> list[str]:
+    write_trend(folder, suites)
+    return []
 
 
 def _updated(options: argparse.Namespace, suites: Sequence[Suite]) -> list[str]:

@@ -18,6 +18,7 @@ VARIABLE = "GITHUB_STEP_SUMMARY"  # names the file, where there is one
 # GitHub drops a step's whole summary beyond 1 MiB; what other commands of the step add needs room too.
 MOST_BYTES = 900 * 1024
 _LONGEST = 400  # characters of a cell
+_WITHOUT_DETAILS = "Details are left out: they are too long for the summary of a step."
 _NONE = "\u2013"
 _SPECIAL = re.compile(r"([\\`*_\[\]|~$])")  # begin or end emphasis, code, links, cells and formulas
 
@@ -41,13 +42,40 @@ def write_step_summary(suites: Sequence[Suite]) -> None:
 
 
 def step_summary(suites: Sequence[Suite], room: int = MOST_BYTES) -> str:
-    """The table, what failed, and folded details where they fit in `room` [bytes]."""
-    table = "\n".join((*_head(suites), *map(_row, suites), ""))
+    """The table, what failed, and folded details where they fit in `room` [bytes].
+
+    Where the table alone does not fit, it loses rows, those of scenarios that passed before others.
+    """
+    rows = [_row(suite) for suite in suites]
+    table = "\n".join((*_head(suites), *rows, ""))
     folded = "\n".join(map(_details, suites))
     whole = f"{table}\n{folded}\n" if suites else f"{table}\n"
     if len(whole.encode()) <= room:
         return whole
-    return f"{table}\nDetails are left out: they are too long for the summary of a step.\n\n"
+    short = f"{table}\n{_WITHOUT_DETAILS}\n\n"
+    return short if len(short.encode()) <= room else _cut(suites, rows, room)
+
+
+def _cut(suites: Sequence[Suite], rows: Sequence[str], room: int) -> str:
+    """As many rows as fit, failing ones first, and how many are missing."""
+    failing_first = sorted(range(len(suites)), key=lambda at: suites[at].passed)
+    head = "\n".join(_head(suites))
+    left = room - len(head.encode()) - len(_missing(len(suites), len(suites)).encode()) - 4  # line ends
+    kept: list[int] = []
+    for at in failing_first:
+        left -= len(rows[at].encode()) + 1
+        if left < 0:
+            break
+        kept.append(at)
+    gone = set(range(len(suites))).difference(kept)
+    bad = sum(not suites[at].passed for at in gone)
+    table = "\n".join((head, *(rows[at] for at in kept)))
+    return f"{table}\n\n{_missing(len(gone), bad)}\n\n"
+
+
+def _missing(count: int, bad: int) -> str:
+    scenarios = "1 scenario is" if count == 1 else f"{count} scenarios are"
+    return f"{scenarios} missing in this table, {bad} of which did not pass. {_WITHOUT_DETAILS}"
 
 
 def _head(suites: Sequence[Suite]) -> Iterable[str]:
@@ -87,8 +115,10 @@ def _gap(suite: Suite) -> str:
 def _result(suite: Suite) -> str:
     if suite.passed:
         return "passed"
-    stopped = any(case.status == "error" for case in suite.cases)
-    return "**not finished**" if stopped else "**failed**"
+    found = {case.status for case in suite.cases}
+    if "bad_input" in found:
+        return "**bad input**"
+    return "**not finished**" if "error" in found else "**failed**"
 
 
 def _bad(suite: Suite) -> list[Case]:

@@ -19,6 +19,7 @@ class Suite:
     name: str
     judgement: Judgement | None = None
     error: str = ""
+    bad_input: bool = False  # whether `error` is of the input: what has to be mended is the file
     missing: tuple[str, ...] = ()  # stages that could not finish, with the reason
     file: str = ""  # the scenario's, as it was given
     report: str = ""
@@ -31,7 +32,7 @@ class Suite:
         """What went wrong as a whole, then stages, gates and verdict, then the baseline."""
         found: tuple[Case, ...] = ()
         if self.error:
-            found = (Case(name=NO_RUN, status="error", text=self.error),)
+            found = (Case(name=NO_RUN, status="bad_input" if self.bad_input else "error", text=self.error),)
         if self.judgement is not None:
             found += cases(self.judgement, self.missing)
         return found if self.comparison is None else found + self.comparison.cases
