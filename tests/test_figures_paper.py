@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -181,6 +182,25 @@ def test_a_picture_that_is_no_figure_of_ours_is_left_out(tmp_path):
     bare = Picture(key="bare", title="Bare", description="Bare.", svg=Drawn("<svg></svg>"))
     assert write_figures(tmp_path, [bare], "pdf", name="room") == {}
     assert [file.name for file in (tmp_path / FIGURES).iterdir()] == ["README.md"]
+
+
+@pytest.mark.parametrize(
+    ("caption", "written"),
+    [
+        ("Gates A*B* and _C_, | $1$.", r"Gates A\*B\* and \_C\_, \| \$1\$."),
+        ("[link](http://x) <img src=x> `code`", r"\[link\](http://x) &lt;img src=x&gt; \`code\`"),
+        ("## [mine.pdf](mine.pdf)", r"\## \[mine.pdf\](mine.pdf)"),
+        ("- no\nlist", r"\- no list"),
+        ("1. no list", r"1\. no list"),
+    ],
+)
+def test_captions_are_text(tmp_path, caption, written):
+    write_figures(tmp_path, [replace(picture(PANEL), caption=caption)], "svg", name="a_b")
+    lines = (tmp_path / FIGURES_LIST).read_text(encoding="utf-8").splitlines()
+    assert lines[0] == r"# Figures of a\_b"
+    assert lines[-1] == written
+    listed = {name for name in by_products(tmp_path) if name.startswith(f"{FIGURES}/")}
+    assert listed == {FIGURES_LIST, f"{FIGURES}/line.svg"}  # a caption names no other file as ours
 
 
 def test_figures_are_no_evidence(folder):

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import re
 import sys
 from collections.abc import Iterable, Sequence
-from html import escape
 from pathlib import Path
 
 from verify.cases import Case
 from verify.digits import as_given, beside
+from verify.markdown import no_tags, unmarked
 from verify.metrics import Metric
 from verify.suite import Suite
 
@@ -20,7 +19,6 @@ MOST_BYTES = 900 * 1024
 _LONGEST = 400  # characters of a cell
 _WITHOUT_DETAILS = "Details are left out: they are too long for the summary of a step."
 _NONE = "\u2013"
-_SPECIAL = re.compile(r"([\\`*_\[\]|~$])")  # begin or end emphasis, code, links, cells and formulas
 
 
 def write_step_summary(suites: Sequence[Suite]) -> None:
@@ -140,7 +138,7 @@ def _measured(case: Case) -> str:
 def _details(suite: Suite) -> str:
     """All cases and figures of one scenario, folded."""
     lines = [
-        f"<details><summary>{_markup(suite.name)}: {len(suite.cases)} cases</summary>",
+        f"<details><summary>{no_tags(suite.name)}: {len(suite.cases)} cases</summary>",
         "",
         "| case | status | value and limit |",
         "| :-- | :-- | :-- |",
@@ -166,9 +164,4 @@ def _plain(text: str) -> str:
     """Text that Markdown takes for nothing else, on one line, of bounded length."""
     short = text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}\u2026"
     lines = (line.strip() for line in short.splitlines() if line.strip())
-    return "<br>".join(_SPECIAL.sub(r"\\\1", _markup(line)) for line in lines)
-
-
-def _markup(text: str) -> str:
-    """Printable text that HTML takes for nothing else."""
-    return escape("".join(c if c.isprintable() or c == "\u00a0" else "\ufffd" for c in text), quote=False)
+    return "<br>".join(unmarked(line) for line in lines)

@@ -20,6 +20,7 @@ from matplotlib.text import Text
 from pypdf import PdfReader, PdfWriter
 
 from verify.by_products import FIGURES, FIGURES_LIST, FigureFormat, list_entry
+from verify.markdown import paragraph, unmarked
 from verify.report.section import Section
 from verify.report.svg import Drawn, Picture, arrange, drawing_style, new_layout
 
@@ -83,7 +84,7 @@ def write_figures(
     (folder / FIGURES).mkdir(exist_ok=True)
     written: dict[str, PaperFigure] = {}
     lines = [
-        f"# Figures of {name}",
+        f"# Figures of {unmarked(name)}",
         "",
         f"The pictures of the report, {COLUMN:g} mm wide for one column and {TWO_COLUMNS:g} mm for two, "
         f"letters of {LEAST_LETTERS:g} pt or more, fonts embedded. A run replaces them.",
@@ -102,9 +103,9 @@ def write_figures(
                 "",
                 list_entry(file.name),
                 "",
-                f"{picture.title}. {paper.width:g} x {paper.height:.0f} mm.",
+                f"{paragraph(picture.title)}. {paper.width:g} x {paper.height:.0f} mm.",
             ]
-            lines += ["", " ".join((picture.caption or picture.description).split())]
+            lines += ["", paragraph(picture.caption or picture.description)]
     (folder / FIGURES_LIST).write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
     return written
 
