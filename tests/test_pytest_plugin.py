@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ from judged import scenario_bytes
 from stops_case import changes
 
 import verify.pytest_session
+from verify.cases import NAMES
 from verify.judge.gates import GATE_NAMES
 from verify.pytest_items import is_scenario
 from verify.pytest_record import Record, recorded_once
@@ -256,8 +258,14 @@ def test_workers_of_xdist_share_one_run(place, monkeypatch):
         "import ci_case, verify.pytest_session\nverify.pytest_session.attempt = ci_case.finished\n"
     )
     result = place.runpytest_subprocess(
-        "--verify", "-n2", "--dist", "load", "-p", "no:cacheprovider", "scenarios", "--junitxml=j.xml"
+        "--verify", "-n2", "--dist", "load", "-v", "-p", "no:cacheprovider", "scenarios", "--junitxml=j.xml"
     )
     result.assert_outcomes(passed=2 * len(EVALUATED) - 2, skipped=6, failed=2)
     assert sorted(ci_case.runs(place.path / "reports")) == ["bad", "good"]
     result.stdout.fnmatch_lines(["bad: failed *", "good: refined *"])
+    # `--dist loadfile`, as docs/ci.md advises, gives all that has one name before `::` to one worker: that is
+    # one scenario, so no worker waits for a run of another one.
+    ids = re.findall(r"^\[gw\d\] .* (\S+)::\S+ *$", result.stdout.str(), re.MULTILINE)
+    assert {scope: ids.count(scope) for scope in ids} == {
+        f"scenarios/{n}.yaml": len(NAMES) for n in ("good", "bad")
+    }

@@ -101,8 +101,6 @@ class CaseItem(pytest.Item):
         made.scenario, made.session_of_runs = scenario, runs
         made.extra_keyword_matches.add(scenario.name)
         made.add_marker(pytest.mark.verify)
-        if parent.config.pluginmanager.hasplugin("xdist"):  # else the mark is unknown
-            made.add_marker(pytest.mark.xdist_group(scenario.name))
         return made
 
     def runtest(self) -> None:
