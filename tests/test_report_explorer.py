@@ -18,10 +18,12 @@ from matplotlib.colors import to_hex
 
 from tests.zone_case import zone_scenario
 from verify.report.explorer import explorer_scripts, explorer_sections
+from verify.report.explorer.cursor import braking_law
 from verify.report.explorer.curve_plots import MARGIN_TONES, friction_reach, label_places, speed_plot
+from verify.report.explorer.embed import close_up
 from verify.report.explorer.encode import data_block, lines, numbers
 from verify.report.explorer.layers import layers
-from verify.report.explorer.motions import followed, instants, least_around, margins_of
+from verify.report.explorer.motions import DrawnMotion, followed, instants, least_around, margins_of
 from verify.report.explorer.plots import empty
 from verify.report.figures_map import BAR_STEPS
 from verify.report.html import script
@@ -109,19 +111,16 @@ def test_columns_are_those_of_the_motion_and_of_the_braking_law(case: Case):
     columns = followed(case.problem, case.motion, None).columns
     t = columns["t"]
     assert len(t) <= 1500
-    x, y, heading, v, *_ = case.motion.at(t)
-    np.testing.assert_array_equal(
-        np.stack([columns[k] for k in ("x", "y", "heading", "v")]), [x, y, heading, v]
-    )
+    x, y, _, v, *_ = case.motion.at(t)
+    np.testing.assert_array_equal(np.stack([columns[k] for k in ("x", "y", "v")]), [x, y, v])
     clearance = case.problem.clearance(np.column_stack([x, y]))
     # a_b = 1 m/s^2, no reaction time, no margin: v^2 / 2 to stop, V(d) = sqrt(2 d)
-    np.testing.assert_allclose(columns["braking"], v * v / 2.0)
+    np.testing.assert_allclose(np.polynomial.Polynomial(braking_law(case.problem))(v), v * v / 2.0)
     np.testing.assert_allclose(columns["safe"], np.sqrt(2.0 * clearance))
     np.testing.assert_allclose(columns["share.braking"], 1.0 - v * v / (2.0 * clearance), atol=1e-12)
     # nearest is at a distance of clearance and radius 0.4 m
     away = np.hypot(columns["nearest_x"] - x, columns["nearest_y"] - y)
     np.testing.assert_allclose(away, clearance + 0.4, atol=1e-9)
-    assert columns["s"][-1] == pytest.approx(case.motion.length, rel=1e-12)
 
 
 def test_the_least_of_what_is_drawn_is_the_least_of_every_margin(case: Case):
@@ -289,3 +288,29 @@ def test_the_friction_plot_shows_what_is_used(case: Case):
     used = max(1.0, float(np.hypot(columns["a"], columns["turn"]).max()))
     assert reach == pytest.approx(1.35 * used)
     assert reach < 0.7 * 0.6 * 9.81
+
+
+def test_words_keep_off_those_at_the_end_of_a_level():
+    # one curve that is free everywhere; where another one's words end at its right end, these keep left
+    x = np.linspace(0.0, 10.0, 200)
+    curve = np.column_stack([x, np.where(x < 7.0, np.nan, 1.0)])
+    frame = (0.0, 10.0, 0.0, 2.0)
+    wide = np.column_stack([x, np.ones(200)])
+    (place,) = label_places([wide, curve], [0], frame, [(10.0, 1.0)])
+    assert place[0] <= 10.0 - 4.0 * 1.3 + 1e-9  # two half widths of 0.13 each
+
+
+def test_small_motions_are_shown_close_up(case: Case):
+    # the hall is 32 m by 26 m: 4 m are less than a third of it, 12 m are not; radius 0.4 m
+    x0, _, x1, _ = case.problem.world.bounds
+
+    def across(length: float) -> dict[str, DrawnMotion]:
+        return {
+            "plan-refined": DrawnMotion(columns={"x": np.array([10.0, 10.0 + length]), "y": np.full(2, 2.0)})
+        }
+
+    found = close_up(case.problem, across(4.0))
+    # half of 4 m + 2 radii, and a radius, on each side
+    assert found == pytest.approx([10.0 - 2.8, 2.0 - 2.8, 14.0 + 2.8, 2.0 + 2.8])
+    assert x1 - x0 > 3.0 * 4.8
+    assert close_up(case.problem, across(12.0)) is None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from bokeh.models import ColumnDataSource, Range1d
@@ -78,14 +78,19 @@ def speed_plot(
     if np.any(bend < top):
         named.append((2, "limit of the bend", MUTED.light))
     frame = (float(t[0]), float(t[-1]), 0.0, top)
-    for (_, words, colour), place in zip(
-        named, label_places(shown, [k for k, *_ in named], frame), strict=True
-    ):
+    limit = problem.robot.max_speed
+    corner = [(frame[1], limit)] if limit < top else []
+    if corner:
+        shown.append(np.column_stack([t, np.full_like(t, limit)]))
+    places = label_places(shown, [k for k, *_ in named], frame, corner)
+    for (_, words, colour), place in zip(named, places, strict=True):
         _words(plot, place, words, colour)
-    if problem.robot.max_speed < top:
-        _level(plot, problem.robot.max_speed)
-        _words(plot, (frame[1], problem.robot.max_speed), f"v_max = {problem.robot.max_speed:g} m/s",
-               LIMIT.light, align="right")  # fmt: skip
+    if np.isfinite(limit):  # other motions may reach what this one is far from
+        _level(plot, limit)
+        plot.add_layout(
+            _label((frame[1], limit), f"v_max = {limit:g} m/s", LIMIT.light, align="right",
+                   name="speed-limit", visible=limit < top)
+        )  # fmt: skip
     _time_cursor(plot, "speed")
     return plot
 
@@ -175,7 +180,10 @@ def friction_reach(problem: Problem, motion: DrawnMotion) -> float:
 
 
 def label_places(
-    curves: Sequence[Array], named: Sequence[int], frame: tuple[float, float, float, float]
+    curves: Sequence[Array],
+    named: Sequence[int],
+    frame: tuple[float, float, float, float],
+    ends: Sequence[tuple[float, float]] = (),
 ) -> list[tuple[float, float]]:
     """Where the words of some curves stand: just above their own, where they cover least of all.
 
@@ -184,6 +192,7 @@ def label_places(
     curves : (n, 2) each, NaN where there is nothing.
     named : which of them have words.
     frame : x and y at which the plot begins and ends: x0, x1, y0, y1.
+    ends : where the foot of other words ends, which these keep off.
 
     Returns
     -------
@@ -194,7 +203,7 @@ def label_places(
     unit = [(curve - low) / size for curve in curves]
     every = np.concatenate(unit)
     half, tall = 0.13, 0.11  # of a plot 560 px wide and 200 px high, for some 20 letters
-    taken: list[Array] = []
+    taken = [(np.array(end) - low) / size - np.array([half, 0.0]) for end in ends]
     places = []
     for k in named:
         own = unit[k][np.isfinite(unit[k][:, 1])]
@@ -221,11 +230,21 @@ def _words(
     align: Literal["left", "right", "center"] = "center",
     below: bool = False,
 ) -> None:
-    plot.add_layout(
-        Label(
-            x=at[0], y=at[1], text=words, text_color=colour, text_align=align, y_offset=-3 if below else 3,
-            text_baseline="top" if below else "bottom", **GROUND, **WORDS,
-        )
+    plot.add_layout(_label(at, words, colour, align=align, below=below))
+
+
+def _label(
+    at: tuple[float, float],
+    words: str,
+    colour: str,
+    *,
+    align: Literal["left", "right", "center"],
+    below: bool = False,
+    **more: Any,
+) -> Label:
+    return Label(
+        x=at[0], y=at[1], text=words, text_color=colour, text_align=align, y_offset=-3 if below else 3,
+        text_baseline="top" if below else "bottom", **GROUND, **WORDS, **more,
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from bokeh.document import Document
 from bokeh.models import ColumnDataSource, Range1d
 from markupsafe import Markup
@@ -13,6 +14,7 @@ from markupsafe import Markup
 from verify.report.bound import BoundMesh
 from verify.report.drawings import ClassDrawing
 from verify.report.evidence import Evidence
+from verify.report.explorer.cursor import CLEAR, Followed, braking_law, followed_rows
 from verify.report.explorer.curve_plots import (
     MARGIN_TONES,
     friction_plot,
@@ -23,6 +25,7 @@ from verify.report.explorer.curve_plots import (
 from verify.report.explorer.encode import data_block, numbers
 from verify.report.explorer.layers import Layer, layers
 from verify.report.explorer.motions import (
+    Array,
     DrawnMargin,
     DrawnMotion,
     compared,
@@ -41,6 +44,8 @@ from vnav_drake.problem import Problem
 if TYPE_CHECKING:
     from verify.report.page import ReportExtras
 
+SMALL = 1.0 / 3.0  # of the world: motions that take less of it are shown close up first
+ROOM = 0.5  # of their size, on each side of them
 UNKNOWN = "executed"  # what a motion is called that is none of the plans
 
 
@@ -55,6 +60,10 @@ class Explorer:
     colours: Mapping[str, str]  # margin -> CSS variable
     end: float  # [s], of the motion followed
     shape: float  # height over width of the world
+    instants: int  # at which the curves of the motion followed are drawn
+    close_up: bool  # whether the map begins at the motions, which are small in it
+    acceleration: float  # [m/s^2], how far what the cursor reads is from the motion's own at most
+    clearance: float  # [m], the same
     zone: bool  # whether a zone that is no disc is drawn
 
 
@@ -78,25 +87,27 @@ def explorer(
     own = followed(problem, motion, along)
     executed = f"plan-{evidence.executed_plan or UNKNOWN}"
     motions = {executed: own, **_beside(problem, evidence, extras.speed_graph.classes)}
+    read = followed_rows(problem, motion, along)
     known = drawn_margins(problem, margins_of(problem, motion, along))
     groups = layers(problem, result, evidence, extras, certificate)
     offered = [item for group in groups for item in group]
     ranks = [item.rank for item in extras.speed_graph.classes[:MOST_CLASSES]]
     top = max(float(own.columns["v"].max()), 1e-3)
     x0, y0, x1, y1 = problem.world.bounds
+    near = close_up(problem, motions)
     data = {
         "executed": executed,
         "end": own.end,
         "radius": problem.robot.radius,
         "heading": heading_length(problem),
         "box": [x0, y0, x1, y1],
+        "near": near,
         "reach": friction_reach(problem, own),
         "zone": along is not None,
         "margins": [_margin(margin) for margin in known],
-        "motions": {
-            key: {name: numbers(values) for name, values in item.columns.items()}
-            for key, item in motions.items()
-        },
+        "motions": {key: _packed(item.columns) for key, item in motions.items()},
+        "cursor": _cursor(read),
+        "braking": braking_law(problem),
         "tones": {key: _variable(key) for key in motions},
         "layers": {item.key: item.data for item in offered if item.data is not None and not item.missing},
         "ranks": ranks,
@@ -110,6 +121,10 @@ def explorer(
         colours={key: variable_of_colour()[tone.light] for key, tone in MARGIN_TONES.items()},
         end=own.end,
         shape=(y1 - y0) / (x1 - x0),
+        instants=len(own.columns["t"]),
+        acceleration=read.acceleration,
+        clearance=CLEAR,
+        close_up=near is not None,
         zone=along is not None,
     )
 
@@ -127,6 +142,28 @@ def _beside(problem: Problem, evidence: Evidence, classes: Sequence[ClassDrawing
         path = DrawnMotion(columns={"x": item.points[:, 0], "y": item.points[:, 1]})
         found[f"class-{item.rank}"] = path if item.motion is None else compared(problem, item.motion)
     return found
+
+
+def close_up(problem: Problem, motions: Mapping[str, DrawnMotion]) -> list[float] | None:
+    """Where the map begins, x0, y0, x1, y1 [m], where all motions together are small in their world."""
+    points = np.concatenate([np.column_stack([m.columns["x"], m.columns["y"]]) for m in motions.values()])
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = float(np.max(high - low)) + 2.0 * problem.robot.radius
+    x0, y0, x1, y1 = problem.world.bounds
+    if size >= SMALL * max(x1 - x0, y1 - y0):
+        return None
+    room = ROOM * size + problem.robot.radius
+    return [*(low - room).tolist(), *(high + room).tolist()]
+
+
+def _packed(columns: Mapping[str, Array]) -> dict[str, str]:
+    return {name: numbers(values) for name, values in columns.items()}
+
+
+def _cursor(read: Followed) -> dict[str, Any]:
+    """What explorer_data.js reads the motion followed from."""
+    found = {"rows": read.rows, "clearance": read.clearance, "gap": read.zone, "safe": read.safe}
+    return {name: _packed(columns) for name, columns in found.items() if columns is not None}
 
 
 def _margin(margin: DrawnMargin) -> dict[str, Any]:

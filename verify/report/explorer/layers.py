@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from verify.report.bound import BoundMesh, long_sides
 from verify.report.evidence import PLANS, SIMULATION, STOPS, Evidence
 from verify.report.explorer.encode import lines
-from verify.report.figures_classes import MOST_CLASSES
 from verify.report.palette import method, rank_variable
 from verify.report.story import mapping, strayed
 from verify.report.story_stops import stop_story
-from verify.report.text import plain
 from vnav_drake.problem import Problem
 
 if TYPE_CHECKING:
@@ -104,10 +102,6 @@ def _classes(extras: ReportExtras) -> Layer:
         label="Homotopy classes",
         variable=rank_variable(2),
         missing="" if there else "the paths of the classes were not at hand",
-        data={
-            "ranks": [item.rank for item in extras.speed_graph.classes[:MOST_CLASSES]],
-            "names": [plain(item.name)[:60] for item in extras.speed_graph.classes[:MOST_CLASSES]],
-        },
     )
 
 

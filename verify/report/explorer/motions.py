@@ -1,4 +1,4 @@
-"""Motions as columns of numbers at instants: what the linked views draw and their cursor reads."""
+"""Motions as columns of numbers at instants: what the linked views draw."""
 
 from __future__ import annotations
 
@@ -97,31 +97,28 @@ def margins_of(problem: Problem, motion: Trajectory, along: ZoneAlong | None) ->
 
 
 def followed(problem: Problem, motion: Trajectory, along: ZoneAlong | None) -> DrawnMotion:
-    """The motion that the cursor follows.
+    """The motion that the cursor follows, to draw.
 
-    Columns: t, s, x, y, heading, v, a, turn (v^2 kappa), clearance, nearest_x, nearest_y, braking
-    (distance to stop), safe (greatest safe speed there), bend (greatest speed in that bend, NaN where it is
-    no limit in sight), `margin.KEY` of each margin and `share.braking`, the share of the room that braking
-    leaves.
+    Columns: t, x, y, v, a, turn (v^2 kappa), nearest_x, nearest_y, safe (greatest safe speed there), bend
+    (greatest speed in that bend, NaN where it is no limit in sight), `margin.KEY` of each margin and
+    `share.braking`, the share of the room that braking leaves. What the cursor tells, `cursor` has.
     """
     found = margins_of(problem, motion, along)
     t = instants(motion, INSTANTS, found)
-    x, y, heading, v, a, curvature = motion.at(t)
+    x, y, _, v, a, curvature = motion.at(t)
     points = np.column_stack([x, y])
     clearance = problem.clearance(points)
     nearest = problem.world.nearest(points)[1]
     braking = problem.braking.distance(v)
-    s = distance_at(motion, t)
     if along is None:
         safe, room = problem.braking.speed(clearance), clearance
     else:
-        safe = np.interp(s, along.s, along.fastest)
+        safe = np.interp(distance_at(motion, t), along.s, along.fastest)
         room = problem.braking.distance(safe)
         safe = np.where(safe < 0.999 * HIGHEST * float(along.v.max()), safe, np.nan)  # not looked at beyond
     columns = {
-        "t": t, "s": s, "x": x, "y": y, "heading": heading, "v": v, "a": a, "turn": v * v * curvature,
-        "clearance": clearance, "nearest_x": nearest[:, 0],
-        "nearest_y": nearest[:, 1], "braking": braking, "safe": safe, "bend": _bend(problem, curvature, v),
+        "t": t, "x": x, "y": y, "v": v, "a": a, "turn": v * v * curvature, "nearest_x": nearest[:, 0],
+        "nearest_y": nearest[:, 1], "safe": safe, "bend": _bend(problem, curvature, v),
     }  # fmt: skip
     return DrawnMotion(columns={**columns, **_left(found, t), "share.braking": _share(braking, room)})
 

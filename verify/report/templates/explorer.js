@@ -68,6 +68,8 @@
       look(`speed-${key}`, moving);
       look(`friction-${key}`, moving);
     }
+    const seen = [...ways.filter(on), ...(state.rank === null ? [] : [`class-${state.rank}`])];
+    plots.reaching(seen.reduce((top, key) => (data.motion(key).v ?? []).reduce((a, b) => Math.max(a, b), top), 0));
     for (const key of ["arcs", "graph", "mesh"]) {
       if (on(key)) fillLines(key);
       named(key).visible = on(key);
@@ -114,7 +116,7 @@
   const tone = (key) => (tint[key] ??= plots.colour(data.tones[key] ?? key));
 
   function cursor() {
-    const { t } = state, here = data.at(followed, t), tight = tightest(here);
+    const { t } = state, here = data.here(t), tight = tightest(here);
     const shown = [...ways.filter(on), ...(state.rank === null ? [] : [`class-${state.rank}`])].filter((key) => "t" in data.motion(key));
     const others = shown.map((key) => ({ ...data.at(key, t), colour: tone(key) }));
     put("robot", { x: [here.x], y: [here.y], x1: [here.x + data.heading * Math.cos(here.heading)], y1: [here.y + data.heading * Math.sin(here.heading)] });

@@ -41,6 +41,69 @@ const vnavData = (() => {
     return found;
   }
 
+  // --- what the cursor reads off the motion followed
+
+  const curves = {};  // rows and curves by name, unpacked once
+  function curve(name) {
+    if (!data.cursor[name]) return null;
+    if (!curves[name]) curves[name] = Object.fromEntries(Object.entries(data.cursor[name]).map(([column, text]) => [column, new Float32Array(bytes(text))]));
+    return curves[name];
+  }
+
+  // A broken line at x; NaN where there is none.
+  function line(name, x, of = "t") {
+    const columns = curve(name);
+    if (!columns) return NaN;
+    const xs = columns[of], values = columns.value, i = row(x, xs);
+    const part = Math.min(Math.max((x - xs[i]) / Math.max(xs[i + 1] - xs[i], 1e-9), 0), 1);
+    return values[i] + part * (values[i + 1] - values[i]);
+  }
+
+  function lengths() {  // [m], covered where each row begins: trapezoids are exact as the acceleration is constant
+    const { t, v } = curve("rows"), found = new Float64Array(t.length);
+    for (let i = 1; i < t.length; i++) found[i] = found[i - 1] + 0.5 * (v[i] + v[i - 1]) * (t[i] - t[i - 1]);
+    return found;
+  }
+
+  // What is nearest: it goes along a wall as the robot does, and jumps from one to another.
+  function nearestTo({ x, y }, t) {
+    const { t: times, x: xs, y: ys, nearest_x: nx, nearest_y: ny } = motion(data.executed), i = row(t, times), j = i + 1;
+    const part = Math.min(Math.max((t - times[i]) / Math.max(times[j] - times[i], 1e-9), 0), 1);
+    if (Math.hypot(nx[j] - nx[i], ny[j] - ny[i]) <= 2 * Math.hypot(xs[j] - xs[i], ys[j] - ys[i]) + 1e-6) return [nx[i] + part * (nx[j] - nx[i]), ny[i] + part * (ny[j] - ny[i])];
+    const k = Math.hypot(nx[i] - x, ny[i] - y) <= Math.hypot(nx[j] - x, ny[j] - y) ? i : j;
+    return [nx[k], ny[k]];
+  }
+
+  // Of each limit [its unit] and, as share.KEY, of the whole of it: what is left at an instant.
+  function left(here, room) {
+    const { a, v, turn, curvature, clearance, braking } = here, side = Math.abs(turn), found = {};
+    const used = { friction: Math.hypot(a, turn), tip: side, reserve: side, steering: Math.abs(curvature), drive: a, brakes: -a, speed: v };
+    for (const { key, scale } of data.margins) {
+      if (!(key in used)) continue;
+      found[`margin.${key}`] = scale - used[key];
+      if (scale > 0) found[`share.${key}`] = 1 - used[key] / scale;
+    }
+    found["margin.clearance"] = clearance;
+    found["margin.braking"] = data.zone ? line("gap", here.t) : clearance - braking;
+    found["share.braking"] = room > 0 ? Math.max(1 - braking / room, -1) : -1;
+    return found;
+  }
+
+  const distance = (v) => data.braking.reduceRight((sum, factor) => sum * v + factor, 0);  // [m], to stop
+
+  // The motion followed at time t: an arc of constant curvature with constant acceleration along it.
+  function here(t) {
+    const rows = curve("rows"), i = Math.min(row(t, rows.t), rows.t.length - 2), dt = Math.min(Math.max(t, rows.t[0]), rows.t.at(-1)) - rows.t[i];
+    const a = rows.a[i], curvature = rows.curvature[i], v = rows.v[i] + a * dt, along = 0.5 * (rows.v[i] + v) * dt;
+    const half = 0.5 * curvature * along, chord = Math.abs(half) < 1e-6 ? along : (along * Math.sin(half)) / half;
+    curves.s ??= lengths();
+    const found = { t, s: curves.s[i] + along, x: rows.x[i] + chord * Math.cos(rows.heading[i] + half), y: rows.y[i] + chord * Math.sin(rows.heading[i] + half),
+      heading: rows.heading[i] + 2 * half, v, a, curvature, turn: v * v * curvature, clearance: line("clearance", t), braking: distance(v) };
+    [found.nearest_x, found.nearest_y] = nearestTo(found, t);
+    const room = data.zone ? distance(line("safe", found.s, "s")) : found.clearance;
+    return { ...found, ...left(found, room) };
+  }
+
   // What is left of a limit, as a share of it: (n,) of a motion, null where there is no such share.
   function share(key, margin) {
     const columns = motion(key);
@@ -64,5 +127,5 @@ const vnavData = (() => {
     return { xs, ys };
   }
 
-  return { ...data, motion, at, row, share, lines };
+  return { ...data, motion, at, here, row, share, lines };
 })();

@@ -51,7 +51,7 @@ const vnavMargins = (data, plots, state) => {
   function tightest(here) {
     let best = null;
     for (const margin of data.margins) {
-      const value = margin.key === "braking" ? here["share.braking"] : margin.scale > 0 ? here[`margin.${margin.key}`] / margin.scale : NaN;
+      const value = here[`share.${margin.key}`] ?? NaN;
       if (best === null ? Number.isFinite(value) : value < best.value - TIE / 100) best = { value, margin };
     }
     return best;

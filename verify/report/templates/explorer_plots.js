@@ -7,6 +7,7 @@ const vnavPlots = (data) => {
   const homes = {};  // equal scales: the box that shows all
   const asked = {};  // equal scales: the view last set, to tell when it is not the whole any more
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  let wholeMap = null, least = null;
   let doc = null, plots = null, longest = data.end, tinted = [];
 
   const named = (name) => doc.get_model_by_name(name);
@@ -20,12 +21,13 @@ const vnavPlots = (data) => {
     doc = Bokeh.documents[Bokeh.documents.length - 1];
     plots = Object.fromEntries(names.map((name) => [name, named(name)]));
     const [x0, y0, x1, y1] = data.box, pad = 0.03 * Math.max(x1 - x0, y1 - y0);
-    homes.map = [x0 - pad, y0 - pad, x1 + pad, y1 + 2 * pad];  // above: the scale bar
+    wholeMap = [x0 - pad, y0 - pad, x1 + pad, y1 + 2 * pad];  // above: the scale bar
+    homes.map = data.near ?? wholeMap;
     homes.friction = [-data.reach, -data.reach, data.reach, data.reach];
     for (const name of Object.keys(homes)) {
       const { inner_width: width, inner_height: height } = plots[name].properties;
       for (const size of [width, height]) size.change.connect(() => resized(name));
-      whole(name);
+      show(name, homes[name]);
     }
     gather();
     if (dark.matches) tint();
@@ -67,9 +69,19 @@ const vnavPlots = (data) => {
     asked[name] = [x.start, x.end, y.start, y.end];
   }
 
-  function whole(name) {
+  function whole(name) {  // of a map that begins at the motions: all of it, then the motions again
+    if (name === "map" && data.near) homes.map = homes.map === wholeMap && untouched("map") ? data.near : wholeMap;
     if (homes[name]) return show(name, homes[name]);
     plots[name].x_range.setv({ start: 0, end: longest });
+  }
+
+  // Speeds up to `top` are shown: the axis is never lower than it was made.
+  function reaching(top) {
+    const range = plots.speed.y_range;
+    least ??= range.end;
+    range.end = Math.max(least, 1.08 * top);
+    const limit = named("speed-limit");
+    if (limit) limit.visible = limit.y < range.end;
   }
 
   // Times up to `end` are all that there is to show.
@@ -147,5 +159,5 @@ const vnavPlots = (data) => {
     return { x: frame.x_scale.invert(sx), y: frame.y_scale.invert(sy), pixel: (range.end - range.start) / (right - left) };
   }
 
-  return { build, named, put, places, plots: () => plots, colour, zoom, move, whole, lasting, under };
+  return { build, named, put, places, plots: () => plots, colour, zoom, move, whole, lasting, reaching, under };
 };
