@@ -8,13 +8,14 @@ from typing import Any
 
 from markupsafe import Markup
 from matplotlib.axes import Axes
+from matplotlib.transforms import Transform
 
 from verify.report.curves import halo
 from verify.report.numbers import percent_or_times, seconds, seconds_proven
 from verify.report.palette import BAD_FILL, INK, LIMIT, MUTED, PAPER, method
 from verify.report.svg import NARROW, WIDE, Picture, drawing_style, new_axes, to_svg
 
-FAR = 1.4  # times the least time: what lies beyond is an arrow at the edge
+FAR = 1.4  # times the least time: what lies beyond, and is not what is asked about, is an arrow at the edge
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,18 +93,18 @@ def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Mark
             transform=axes.get_yaxis_transform() if row.travel_time > end else axes.transData,
         )
         if row.breaks:
-            left = row.travel_time < middle
+            far, left = row.travel_time > end, row.travel_time < middle
             _write(
                 axes,
                 row.breaks,
-                (min(row.travel_time, end), i),
+                (1.0 if far else row.travel_time, i),  # beside its mark
                 (-5 if left else 5, -7),
                 look.text,
                 "normal",
                 ha="left" if left else "right",
                 va="top",
                 fontsize=9,
-                xycoords="data",
+                xycoords=axes.get_yaxis_transform() if far else "data",
             )
         share = ""
         if row.astray:
@@ -142,9 +143,14 @@ def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Mark
 
 
 def _axis_end(data: BracketData) -> float:
-    """The latest time [s] that is drawn to scale: one far off must not hide what lies between the others."""
-    times = sorted(row.travel_time for row in data.rows)
-    return max(time for time in times if time <= FAR * times[0])
+    """The latest time [s] that is drawn to scale: one far off must not hide what lies between the others.
+
+    The motion executed, what the bound is held against and the reference are never far off.
+    """
+    near = [row.travel_time for row in data.rows if row.method in (data.executed, data.reference)]
+    least = min(row.travel_time for row in data.rows)
+    held = max([least, *near, *([] if data.upper is None else [data.upper])])
+    return max(held, *(row.travel_time for row in data.rows if row.travel_time <= FAR * least))
 
 
 def _draw_proven(axes: Axes, data: BracketData, *, narrow: bool) -> None:
@@ -171,7 +177,7 @@ def _write(
     offset: tuple[float, float],
     colour: str,
     weight: str,
-    xycoords: str | tuple[str, str] = ("axes fraction", "data"),
+    xycoords: str | tuple[str, str] | Transform = ("axes fraction", "data"),
     **place: Any,
 ) -> None:
     """Text beside a row: `at` in shares of the width and rows unless said otherwise, `offset` in pixels."""
