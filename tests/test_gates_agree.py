@@ -63,6 +63,7 @@ def answers(made, pytester, monkeypatch):
             change(folder)
             judgement = judge(folder, overrides)
             result = json.loads((made / evidence.RESULT).read_text()) | judgement.as_result()
+            evidence.write_result(folder, result)  # what the index tells
             report = folder / evidence.REPORT
             return Outcome(judgement=judgement, result=result, report=report, missing=missing)
 
@@ -173,7 +174,7 @@ def test_what_nobody_named_and_was_not_evaluated_is_skipped_everywhere(answers):
 
 
 @pytest.mark.parametrize("how", ["option", "scenario"])
-def test_a_named_gate_without_a_value_fails_everywhere(answers, how):
+def test_a_named_gate_without_a_value_fails_everywhere(answers, how, pytester):
     gates = {**CHANGES["gates"], "certified_gap": 0.03}
     text = scenario_bytes(**{**CHANGES, "gates": gates}) if how == "scenario" else None
     limits = ["certified_gap=0.03"] if how == "option" else []
@@ -181,6 +182,9 @@ def test_a_named_gate_without_a_value_fails_everywhere(answers, how):
     assert (code, ended) == (3, 1)
     assert junit == items
     assert bad(items) == {"certified_gap"}
+    index = (pytester.path / "reports" / "index.html").read_text(encoding="utf-8")
+    assert 'data-standing="bad"' in index
+    assert "1 failed, 5 passed" in index
 
 
 def test_a_stage_that_could_not_finish_fails_everywhere(answers):

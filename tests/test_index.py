@@ -18,6 +18,7 @@ from verify.by_products import THUMBNAIL
 from verify.evidence import write_result
 from verify.previous import keep_previous
 from verify.report import executed_thumbnail, write_index
+from verify.report.answer import answer
 from verify.report.index import LARGEST_THUMBNAIL
 
 FAILED = after(
@@ -49,8 +50,9 @@ def row(text: str, name: str) -> str:
 
 
 def test_failing_scenarios_come_first(tmp_path):
-    text = index(tmp_path, a=RESULT, b={"scenario": "b"}, c=FAILED, d=RESULT)
-    assert re.findall(r'<th role="rowheader"[^>]* data-value="(.)"', text) == ["c", "b", "a", "d"]
+    refined = after(verdict="refined")
+    text = index(tmp_path, a=RESULT, b={"scenario": "b"}, c=FAILED, d=RESULT, e=refined)
+    assert re.findall(r'<th role="rowheader"[^>]* data-value="(.)"', text) == ["c", "b", "e", "a", "d"]
     # and the heading says that this is how they are sorted
     assert re.findall(r'aria-sort="(\w+)" data-sort="(\w+)"', text) == [("ascending", "Verdict")]
 
@@ -63,10 +65,30 @@ def test_every_column_has_what_it_is_sorted_by(tmp_path):
     values = {cell["data-name"]: cell.get("data-value") for cell in cells}
     # the numbers of the result at full length, not as they are shown
     assert float(values["Travel time"]) == 26.0
-    assert float(values["Certified gap"]) == 0.01768
     assert float(values["Lower bound"]) == 25.0
+    assert float(values["Gap to the bound"]) == pytest.approx(26.0 / 25.0 - 1.0)
     assert values["Simulated"] is None  # there is no such run: it has no place in an order
     assert values["Bad stops"] is None
+
+
+def test_bound_and_gap_are_those_of_the_answer(tmp_path):
+    # 21.058 s and 1.96 s for the ends are 23.018 s; 23.978 / 23.018 - 1 = 4.17 %
+    ends = {"end_cost": 1.96, "executed": "refined", "gaps": {"certified": 0.0216, "certified_full": 0.0417}}
+    result = after(lower_bound__travel_time=21.058, plans__refined__travel_time=23.978) | ends
+    cells = dict(
+        re.findall(r'data-name="([^"]*)"[^>]*><span class="value">([^<]*)', index(tmp_path, a=result))
+    )
+    assert cells["Lower bound"].split() == ["23.018", "s"]
+    assert cells["Gap to the bound"].split() == ["4.17", "%"]
+    assert f"can take less than {cells['Lower bound']}" in answer(result)[1]
+    assert f"takes {cells['Gap to the bound']} more" in answer(result)[1]
+
+
+def test_a_named_gate_without_a_value_fails(tmp_path):
+    gates = [{"name": "certified_gap", "limit": 0.03, "passed": None, "named": True, "reason": "no bound"}]
+    text = row(index(tmp_path, a=after(gates=gates)), "a")
+    assert 'data-standing="bad"' in text
+    assert "1 failed" in text
 
 
 def test_what_changed_is_told_and_counted(tmp_path):

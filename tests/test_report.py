@@ -233,9 +233,19 @@ def test_the_first_gate_in_the_table_is_the_one_that_fails(case):
     assert table.index("Refinement gap") < table.index("Certified gap") < table.index("Braking margin")
 
 
+def test_a_named_gate_without_a_value_is_the_first_of_the_failing_ones(case, copied):
+    gates = [dict(gate, named=gate["name"] == "certified_gap") for gate in case[2]["gates"]]
+    said = Page(write(copied, case[1], case[2] | {"gates": gates})).text
+    assert "Refined, but 2 gates fail" in said
+    first = said.index("Certified gap : no value, must be ≤ 3 %. no lower bound was computed")
+    assert first < said.index("Refinement gap : 8.00 %, must be ≤ 5 %.")
+    assert "2 of 4 gates hold." in said
+    assert "Not evaluated: " not in said
+
+
 def test_a_gate_without_a_stage_is_not_evaluated_and_says_why(case):
     said = Page(case[3]).text
-    assert "Not evaluated yet: certified gap." in said
+    assert "Not evaluated: certified gap." in said
     assert "no lower bound was computed" in said
 
 

@@ -54,15 +54,24 @@ def cases(judgement: Judgement, unfinished: Sequence[str] = ()) -> tuple[Case, .
     return (*stages, *map(_of_gate, judgement.gates), verdict)
 
 
+def gate_status(passed: object, named: object) -> Literal["passed", "failed", "skipped"]:
+    """Whether a gate counts against the run, from its fields in result.json, `passed` None without a value.
+
+    A gate that somebody names must be evaluated; the others may be skipped.
+    """
+    if isinstance(passed, bool):
+        return "passed" if passed else "failed"
+    return "failed" if named is True else "skipped"
+
+
 def _of_gate(gate: Gate) -> Case:
-    """A gate that somebody names must be evaluated; the others may be skipped."""
+    status = gate_status(gate.passed, gate.named)
     if gate.value is None:
-        status: Status = "failed" if gate.named else "skipped"
         return Case(name=gate.name, status=status, text=gate.reason, limit=gate.limit)
     side = "at least" if gate.name in AT_LEAST else "at most"
     return Case(
         name=gate.name,
-        status="passed" if gate.passed else "failed",
+        status=status,
         text=f"value {gate.value!r}, limit {gate.limit!r} ({side})",
         value=gate.value,
         limit=gate.limit,

@@ -25,7 +25,7 @@ from verify.report.story import (
     unfinished,
     words,
 )
-from verify.report.story_bound import bound_story, full_bound
+from verify.report.story_bound import bound_story, least_time
 from verify.report.story_stops import audit
 from verify.report.text import plain
 from verify.report.wording import VEHICLES
@@ -77,11 +77,9 @@ def _zone(result: Result, plan: str, times: Mapping[str, float]) -> str:
 def _nothing_faster(result: Result, plan: str, times: Mapping[str, float]) -> str:
     """What is proven about every motion, and how near to that this one is."""
     missing = bound_story(result).missing
-    proven, full = number_in(result, "lower_bound", "travel_time"), full_bound(result)
-    if missing or proven is None or full is None:
+    proven, least = number_in(result, "lower_bound", "travel_time"), least_time(result, plan)
+    if missing or proven is None or least is None:
         return f"Nothing proves that no motion is faster: {_cause(missing)}."
-    model = words(mapping(mapping(result, "plans"), plan).get("model"))
-    least = full if plan == "refined" or model == "full" else proven
     ends = " with these ends" if least > proven else ""
     time = times.get(plan)
     if time is None or time < least:  # what breaks a limit may well be faster

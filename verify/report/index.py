@@ -20,12 +20,14 @@ from verify.previous import read_previous
 from verify.report import story
 from verify.report.html import render, write_whole
 from verify.report.index_changes import BETTER, MOVED, NEW, SAME, WORSE, ChangesCell, changes_cell
-from verify.report.numbers import DASH, metres, number_in, percent_or_times, seconds, seconds_proven
+from verify.report.numbers import DASH, metres, number_in, percent, percent_or_times, seconds, seconds_proven
+from verify.report.story_bound import least_time
 from verify.report.wording import VERDICTS
 
 SORTER = "index.js"
 LARGEST_THUMBNAIL = 64 * 1024  # [bytes]: ours have a few thousand
 _STANDINGS = ("bad", "open", "good")  # failing ones first
+_VERDICTS = ("failed", "unknown", "refined", "certified")  # the worst first
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +48,7 @@ class IndexRow:
     thumbnail: str  # data: address of the small map, or empty
     headline: str
     standing: str
-    rank: int  # of the standing, failing ones first
+    rank: int  # of the standing, failing ones first, then of the verdict
     gates: str
     failing: int
     figures: Sequence[Cell]
@@ -98,7 +100,8 @@ def _row(out: Path, name: str, result: Mapping[str, Any]) -> IndexRow:
     times, plan = story.travel_times(result), story.executed_plan(result)
     time, length = times.get(plan), number_in(result, "plans", plan, "length")
     optimum = next((times[name] for name in story.optima(result) if name in times), None)
-    bound, simulated = times.get("lower_bound"), times.get("simulation")
+    bound, simulated = least_time(result, plan), times.get("simulation")
+    left = time / bound - 1.0 if time is not None and bound and time >= bound else None
     above = time / optimum - 1.0 if time is not None and optimum else None
     stops = story.stops_figure(result)
     bad = number_in(result, "simulation", "emergency_stops", "bad")
@@ -113,7 +116,7 @@ def _row(out: Path, name: str, result: Mapping[str, Any]) -> IndexRow:
         thumbnail=_thumbnail(folder),
         headline=VERDICTS.get(story.verdict(result), ("No verdict", ""))[0],
         standing=standing,
-        rank=_STANDINGS.index(standing),
+        rank=len(_VERDICTS) * _STANDINGS.index(standing) + _VERDICTS.index(story.verdict(result)),
         gates=", ".join(f"{number} {word}" for word, number in counts.items() if number) or "none",
         failing=counts[story.FAILED],
         figures=[
@@ -122,11 +125,7 @@ def _row(out: Path, name: str, result: Mapping[str, Any]) -> IndexRow:
             Cell(name="Variational optimum", text=seconds(optimum), value=optimum),
             Cell(name="Above it", text=DASH if above is None else percent_or_times(above), value=above),
             Cell(name="Lower bound", text=seconds_proven(bound), value=bound),
-            Cell(
-                name="Certified gap",
-                text=story.gap_figure(result, "certified"),
-                value=number_in(result, "gaps", "certified"),
-            ),
+            Cell(name="Gap to the bound", text=percent(left), value=left),
             Cell(name="Simulated", text=story.unfinished(result) or seconds(simulated), value=simulated),
             Cell(name="Bad stops", text=stops or DASH, value=bad if stops else None),
         ],

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from verify.cases import gate_status
 from verify.report.evidence import Evidence
 from verify.report.numbers import (
     DASH,
@@ -48,6 +49,7 @@ class GateRow:
     value: str
     limit: str
     status: str
+    evaluated: bool  # False: without a value, and failed if somebody named it
     reason: str
 
 
@@ -103,13 +105,12 @@ def reasons(result: Result) -> list[str]:
 
 
 def gate_rows(result: Result) -> list[GateRow]:
-    """Gates, failing first, then those not evaluated."""
-    rows = []
+    """Gates: failing first, of these those without a value before others, then those not evaluated."""
+    statuses, rows = {"passed": PASSED, "failed": FAILED, "skipped": NOT_EVALUATED}, []
     for gate in entries(result, "gates"):
         name = words(gate.get("name"))
         look = GATES.get(name) or GateWords(name.replace("_", " ").capitalize(), "", "1")
         passed = gate.get("passed")
-        status = PASSED if passed is True else FAILED if passed is False else NOT_EVALUATED
         limit = number_in(gate, "limit")
         sign = "≥" if look.at_least else "≤"
         rows.append(
@@ -119,11 +120,12 @@ def gate_rows(result: Result) -> list[GateRow]:
                 meaning=look.meaning,
                 value=_gate_figure(number_in(gate, "value"), limit, look.unit),
                 limit=DASH if limit is None else f"{sign}\u00a0{_limit_figure(limit, look.unit)}",
-                status=status,
+                status=statuses[gate_status(passed, gate.get("named"))],
+                evaluated=isinstance(passed, bool),
                 reason=words(gate.get("reason")).removeprefix("not evaluated: "),
             )
         )
-    return sorted(rows, key=lambda row: _ORDER[row.status])
+    return sorted(rows, key=lambda row: (_ORDER[row.status], row.evaluated))
 
 
 def _limit_figure(value: float, unit: str) -> str:
@@ -294,8 +296,8 @@ def headline(result: Result) -> str:
     if failing:
         joint = ":" if verdict(result) == "failed" else ", but"
         return f"{title}{joint} {failing} gate{'s' * (failing > 1)} fail{'s' * (failing == 1)}"
-    evaluated = sum(row.status != NOT_EVALUATED for row in rows)
-    if evaluated and verdict(result) in ("certified", "refined"):
+    evaluated = sum(row.evaluated for row in rows)
+    if _all_hold(result, rows):
         gates = "the one evaluated gate holds" if evaluated == 1 else f"all {evaluated} evaluated gates hold"
         left = number_in(result, "simulation", "emergency_stops", "left_zone")
         tried = number_in(result, "simulation", "emergency_stops", "tried")
@@ -317,14 +319,22 @@ def standing(result: Result) -> str:
 
 
 def gate_summary(result: Result) -> str:
-    """How many gates hold, and which are not yet evaluated."""
+    """What the headline leaves out: which gates were not evaluated, and how many hold where some do not."""
     rows = gate_rows(result)
-    if not rows:
+    if not any(row.evaluated or row.status == FAILED for row in rows):
         return "No gate was evaluated."
     passed = sum(row.status == PASSED for row in rows)
-    text = f"{passed} of {len(rows)} gates hold."
     waiting = [row.title.lower() for row in rows if row.status == NOT_EVALUATED]
-    return text + (f" Not evaluated yet: {', '.join(waiting)}." if waiting else "")
+    told = "" if _all_hold(result, rows) else f"{passed} of {len(rows)} gates hold."
+    left = f"Not evaluated: {', '.join(waiting)}." if waiting else ""
+    return " ".join(filter(None, (told, left)))
+
+
+def _all_hold(result: Result, rows: Sequence[GateRow]) -> bool:
+    """Whether the headline tells that every gate holds that was evaluated."""
+    failing = any(row.status == FAILED for row in rows)
+    evaluated = any(row.evaluated for row in rows)
+    return evaluated and not failing and verdict(result) in ("certified", "refined")
 
 
 def not_evaluated(result: Result, evidence: Evidence) -> list[tuple[str, str]]:
@@ -333,9 +343,7 @@ def not_evaluated(result: Result, evidence: Evidence) -> list[tuple[str, str]]:
         (f"Stage {words(item.get('stage'))}", words(item.get("reason")))
         for item in entries(result, "missing")
     ]
-    rows += [
-        (f"Gate {row.title.lower()}", row.reason) for row in gate_rows(result) if row.status == NOT_EVALUATED
-    ]
+    rows += [(f"Gate {row.title.lower()}", row.reason) for row in gate_rows(result) if not row.evaluated]
     rows += [
         (f"Check {row.title.lower()}" + (f" ({row.trajectory})" if row.trajectory else ""), row.message)
         for row in check_rows(result)

@@ -97,6 +97,18 @@ def full_bound(result: Result) -> float | None:
     return None if proven is None or proven <= 0.0 else proven + (number_in(result, "end_cost") or 0.0)
 
 
+def least_time(result: Result, plan: str) -> float | None:
+    """What plan `plan` is held against [s]: with the ends asked for where its model has them; None without.
+
+    The safe speed at both ends is let to plans of the variational model, whatever the scenario asks for.
+    """
+    proven, full = number_in(result, "lower_bound", "travel_time"), full_bound(result)
+    if proven is None or full is None:
+        return None
+    model = words(mapping(mapping(result, "plans"), plan).get("model"))
+    return full if plan == "refined" or model == "full" else proven
+
+
 def full_sentence(result: Result) -> str:
     """The same for the full robot, with the extra time E of its ends; empty without a gap."""
     gap, least, name = number_in(result, "gaps", "certified_full"), full_bound(result), executed_plan(result)
