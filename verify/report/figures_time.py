@@ -70,7 +70,7 @@ def _notes(row: BracketRow) -> tuple[str, str]:
 
 def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Markup:
     rows, end = data.rows, _axis_end(data)
-    pitch = 46 if narrow else 34
+    pitch = 58 if narrow else 34
     figure, axes = new_axes(NARROW if narrow else WIDE, 56 + pitch * len(rows), x="travel time [s]", y="")
     middle = 0.5 * (min(r.travel_time for r in rows) + end)
     reference = next((r.travel_time for r in rows if r.method == data.reference), None)
@@ -103,7 +103,7 @@ def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Mark
                 "normal",
                 ha="left" if left else "right",
                 va="top",
-                fontsize=9,
+                fontsize=11 if narrow else 9,
                 xycoords=axes.get_yaxis_transform() if far else "data",
             )
         share = ""
@@ -113,8 +113,9 @@ def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Mark
             same = row.method == data.reference
             share = "reference" if same else percent_or_times(row.travel_time / reference - 1.0)
         if narrow:
-            words, at, offset = f"{look.label}   {_figure(row)}   {share}", 0.0, (0, 9)
-            _write(axes, words, (at, i), offset, look.text, bold, ha="left", va="bottom", fontsize=10)
+            axes.axhspan(i - 0.58, i - 0.22, color=PAPER.light, lw=0.0, zorder=1.5)  # no line crosses letters
+            for words, at, side in ((look.label, 0.0, "left"), (f"{_figure(row)}  {share}", 1.0, "right")):
+                _write(axes, words, (at, i), (0, 14), look.text, bold, ha=side, va="bottom", fontsize=12)
             continue
         for words, at, offset, side in (
             (look.label, 0.0, (-14, 0), "right"),
@@ -134,7 +135,7 @@ def _draw(data: BracketData, described: dict[str, str], *, narrow: bool) -> Mark
     least = min(r.travel_time for r in rows)
     pad = max(0.05 * (end - least), 2e-4 * end)
     axes.set_xlim(least - pad, end + pad)
-    axes.set_ylim(len(rows) - 0.5, -0.75 if narrow else -0.5)
+    axes.set_ylim(len(rows) - 0.5, -0.58 if narrow else -0.5)
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
     axes.locator_params(axis="x", nbins=4 if narrow else 8)
@@ -159,15 +160,16 @@ def _draw_proven(axes: Axes, data: BracketData, *, narrow: bool) -> None:
     if "lower_bound" not in rows:
         return
     i, proven = rows["lower_bound"]
+    half = 0.18 if narrow else 0.28  # of a row
     axes.axvspan(0.0, proven, color=BAD_FILL.light, lw=0.0, zorder=-1)
     axes.axvline(proven, color=INK.light, lw=1.4, zorder=1)
     if data.upper is not None:
         edge = [proven, proven, data.upper, data.upper]
-        axes.plot(edge, [i - 0.28, i + 0.28, i + 0.28, i - 0.28], color=INK.light, lw=1.4)
+        axes.plot(edge, [i - half, i + half, i + half, i - half], color=INK.light, lw=1.4)
     if data.full_bound is not None and "refined" in rows:
         k, time = rows["refined"]
-        axes.plot([data.full_bound] * 2, [k - 0.32, k + 0.32], color=INK.light, lw=2.4)
-        axes.plot([data.full_bound, time], [k + 0.28] * 2, color=INK.light, lw=1.0)
+        axes.plot([data.full_bound] * 2, [k - half, k + half], color=INK.light, lw=2.4)
+        axes.plot([data.full_bound, time], [k + half] * 2, color=INK.light, lw=1.0)
 
 
 def _write(
