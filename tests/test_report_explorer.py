@@ -194,13 +194,32 @@ def test_layers_say_what_is_not_there(case: Case):
     missing = {layer.key: layer.missing for layer in found if layer.missing}
     assert missing == {
         "plan-dwa": "trajectories/dwa.csv was not written",
-        "graph": "the graph was not at hand",
+        "graph": "no drawing of it was kept",
         "mesh": "no lower bound was computed",
         "stops": "stops.npz was not written",
     }
     assert not any(layer.shown for layer in found if layer.missing)
     gone = layer_of(flat(case, simulation=None), "plan-simulation")
     assert gone.missing
+
+
+def test_layers_say_why_their_stage_gave_nothing(case: Case):
+    scenario = warehouse()
+    unasked = replace(
+        scenario,
+        plan=replace(scenario.plan, methods=("collocation",)),
+        simulation=replace(scenario.simulation, stops=0),
+    )
+    broken = [{"stage": "speed_graph", "reason": "no path was found."}]
+    for asked, result, graph, stops in (
+        (unasked, {}, "speed_graph is not among plan.methods", "none are asked for (simulation.stops is 0)"),
+        (scenario, {"missing": broken}, "no path was found", "stops.npz was not written"),
+    ):
+        why = reasons(asked, result)
+        drawn = layers(case.problem, case.result, case.evidence, ReportExtras(), NO_CERTIFICATE, why)
+        missing = {layer.key: layer.missing for group in drawn for layer in group}
+        assert missing["graph"] == missing["classes"] == graph
+        assert missing["stops"] == stops
 
 
 def test_bad_stops_are_marked(case: Case):
@@ -296,7 +315,7 @@ def test_words_keep_off_those_at_the_end_of_a_level():
     curve = np.column_stack([x, np.where(x < 7.0, np.nan, 1.0)])
     frame = (0.0, 10.0, 0.0, 2.0)
     wide = np.column_stack([x, np.ones(200)])
-    (place,) = label_places([wide, curve], [0], frame, [(10.0, 1.0)])
+    (place,) = label_places([wide, curve], [0], frame, [(8.7, 1.0)])
     assert place[0] <= 10.0 - 4.0 * 1.3 + 1e-9  # two half widths of 0.13 each
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from verify.report.bound import BoundMesh
@@ -15,6 +16,7 @@ from vnav_drake.problem import Problem
 if TYPE_CHECKING:
     from verify.report.page import ReportExtras
 
+NO_REASONS: Mapping[str, str] = MappingProxyType({})
 SCRIPTS = (LIBRARY, "explorer_data.js", "explorer_plots.js", "explorer_margins.js", "explorer.js")
 
 
@@ -25,6 +27,7 @@ def explorer_sections(
     extras: ReportExtras,
     along: ZoneAlong | None,
     certificate: tuple[BoundMesh | None, str],
+    why: Mapping[str, str] = NO_REASONS,
 ) -> dict[str, Any]:
     """What the template's section of linked views asks for.
 
@@ -32,12 +35,13 @@ def explorer_sections(
     ----------
     along : the braking zone along the motion drawn, where it is no disc.
     certificate : its mesh, or None and why there is none.
+    why : stages that gave nothing, with their reasons.
     """
     if evidence.executed is None:
         reason = f"No motion to follow: {evidence.reason('trajectory.csv')}."
         return {"explorer": None, "explorer_missing": reason, "explorer_replay": ""}
     return {
-        "explorer": explorer(problem, result, evidence, extras, along, certificate),
+        "explorer": explorer(problem, result, evidence, extras, along, certificate, why),
         "explorer_missing": "",
         "explorer_replay": REPLAY if evidence.has_replay else "",
     }

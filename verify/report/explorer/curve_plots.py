@@ -22,6 +22,7 @@ Sources = Mapping[str, ColumnDataSource]
 
 LIMIT_DASH = [7, 3]
 ALIGNED = {"min_border_left": 66}  # [px]: one instant stands in one line in both plots of time
+HALF, TALL = 0.13, 0.11  # of a plot 560 px wide and 200 px high: words of some 20 letters
 HIGH = 1.18  # of the greatest speed that is shown: room for words
 
 # Margins have the colours of what holds a motion, wherever that is drawn.
@@ -79,7 +80,9 @@ def speed_plot(
         named.append((2, "limit of the bend", MUTED.light))
     frame = (float(t[0]), float(t[-1]), 0.0, top)
     limit = problem.robot.max_speed
-    corner = [(frame[1], limit)] if limit < top else []
+    right = _freer_on_the_right(shown, limit, frame)
+    wide = 2.0 * HALF * (frame[1] - frame[0])
+    corner = [(frame[1] - 0.5 * wide if right else frame[0] + 0.5 * wide, limit)] if limit < top else []
     if corner:
         shown.append(np.column_stack([t, np.full_like(t, limit)]))
     places = label_places(shown, [k for k, *_ in named], frame, corner)
@@ -88,7 +91,8 @@ def speed_plot(
     if np.isfinite(limit):  # other motions may reach what this one is far from
         _level(plot, limit)
         plot.add_layout(
-            _label((frame[1], limit), f"v_max = {limit:g} m/s", LIMIT.light, align="right",
+            _label((frame[right], limit), f"v_max = {limit:g} m/s", LIMIT.light,
+                   align="right" if right else "left",
                    name="speed-limit", visible=limit < top)
         )  # fmt: skip
     _time_cursor(plot, "speed")
@@ -183,7 +187,7 @@ def label_places(
     curves: Sequence[Array],
     named: Sequence[int],
     frame: tuple[float, float, float, float],
-    ends: Sequence[tuple[float, float]] = (),
+    others: Sequence[tuple[float, float]] = (),
 ) -> list[tuple[float, float]]:
     """Where the words of some curves stand: just above their own, where they cover least of all.
 
@@ -192,7 +196,7 @@ def label_places(
     curves : (n, 2) each, NaN where there is nothing.
     named : which of them have words.
     frame : x and y at which the plot begins and ends: x0, x1, y0, y1.
-    ends : where the foot of other words ends, which these keep off.
+    others : the middle of the foot of other words, which these keep off.
 
     Returns
     -------
@@ -202,8 +206,8 @@ def label_places(
     low, size = np.array([x0, y0]), np.maximum([x1 - x0, y1 - y0], 1e-12)
     unit = [(curve - low) / size for curve in curves]
     every = np.concatenate(unit)
-    half, tall = 0.13, 0.11  # of a plot 560 px wide and 200 px high, for some 20 letters
-    taken = [(np.array(end) - low) / size - np.array([half, 0.0]) for end in ends]
+    half, tall = HALF, TALL
+    taken = [(np.array(middle) - low) / size for middle in others]
     places = []
     for k in named:
         own = unit[k][np.isfinite(unit[k][:, 1])]
@@ -219,6 +223,17 @@ def label_places(
         taken.append(best)
         places.append((float(x0 + best[0] * size[0]), float(y0 + best[1] * size[1])))
     return places
+
+
+def _freer_on_the_right(
+    curves: Sequence[Array], level: float, frame: tuple[float, float, float, float]
+) -> bool:
+    """Whether words at the right end of a level cover no more of the curves than at the left end."""
+    x0, x1, y0, y1 = frame
+    x, y = np.concatenate(curves).T
+    near = (y > level + 0.01 * (y1 - y0)) & (y < level + TALL * (y1 - y0))
+    part = (x[near] - x0) / max(x1 - x0, 1e-12)
+    return bool(np.count_nonzero(part > 1.0 - 2.0 * HALF) <= np.count_nonzero(part < 2.0 * HALF))
 
 
 def _words(

@@ -74,6 +74,7 @@ def explorer(
     extras: ReportExtras,
     along: ZoneAlong | None,
     certificate: tuple[BoundMesh | None, str],
+    why: Mapping[str, str],
 ) -> Explorer:
     """The views of the motion executed (or of what stands in for it) and of all that goes with it.
 
@@ -89,12 +90,13 @@ def explorer(
     motions = {executed: own, **_beside(problem, evidence, extras.speed_graph.classes)}
     read = followed_rows(problem, motion, along)
     known = drawn_margins(problem, margins_of(problem, motion, along))
-    groups = layers(problem, result, evidence, extras, certificate)
+    groups = layers(problem, result, evidence, extras, certificate, why)
     offered = [item for group in groups for item in group]
     ranks = [item.rank for item in extras.speed_graph.classes[:MOST_CLASSES]]
     top = max(float(own.columns["v"].max()), 1e-3)
     x0, y0, x1, y1 = problem.world.bounds
-    near = close_up(problem, motions)
+    shown = {executed, *(item.key for item in offered if item.shown)}
+    near = close_up(problem, {key: item for key, item in motions.items() if key in shown})
     data = {
         "executed": executed,
         "end": own.end,
@@ -145,7 +147,7 @@ def _beside(problem: Problem, evidence: Evidence, classes: Sequence[ClassDrawing
 
 
 def close_up(problem: Problem, motions: Mapping[str, DrawnMotion]) -> list[float] | None:
-    """Where the map begins, x0, y0, x1, y1 [m], where all motions together are small in their world."""
+    """Where the map begins, x0, y0, x1, y1 [m], where the motions shown at first are small in their world."""
     points = np.concatenate([np.column_stack([m.columns["x"], m.columns["y"]]) for m in motions.values()])
     low, high = points.min(axis=0), points.max(axis=0)
     size = float(np.max(high - low)) + 2.0 * problem.robot.radius

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 Result = Mapping[str, Any]
 
 ARC_SPACING = 1.0 / 400.0  # of the world's diameter: about two pixels on a map
+NOT_DRAWN = "no drawing of it was kept"
 LEAST_SIDE = 1.0 / 2000.0  # of the world's diameter: smaller sides of triangles are blots
 
 
@@ -45,10 +46,14 @@ def layers(
     evidence: Evidence,
     extras: ReportExtras,
     certificate: tuple[BoundMesh | None, str],
+    why: Mapping[str, str],
 ) -> tuple[list[Layer], list[Layer]]:
-    """All layers in the order in which they are offered: ways, then what else there is to see."""
+    """All layers in the order in which they are offered: ways, then what else there is to see.
+
+    `why`: stages that gave nothing, with their reasons.
+    """
     size = problem.world.diameter
-    ways = [*_plans(result, evidence), _simulation(result, evidence), _classes(extras)]
+    ways = [*_plans(result, evidence, why), _simulation(result, evidence, why), _classes(extras, why)]
     return ways, [
         Layer(
             key="disc",
@@ -56,14 +61,14 @@ def layers(
             variable="--limit",
             shown=True,
         ),
-        _arcs(extras, size),
-        _graph(extras, size),
+        _arcs(extras, size, why),
+        _graph(extras, size, why),
         _mesh(certificate, size),
-        _stops(problem, result, evidence, size),
+        _stops(problem, result, evidence, size, why),
     ]
 
 
-def _plans(result: Result, evidence: Evidence) -> list[Layer]:
+def _plans(result: Result, evidence: Evidence, why: Mapping[str, str]) -> list[Layer]:
     told = mapping(result, "plans")
     optimum = next((name for name in ("speed_graph", "collocation") if name in evidence.plans), "")
     found = []
@@ -71,7 +76,7 @@ def _plans(result: Result, evidence: Evidence) -> list[Layer]:
         if name not in evidence.plans and name not in told:
             continue
         look, there = method(name), name in evidence.plans
-        reason = evidence.reason(f"trajectories/{name}.csv")
+        reason = why.get(name) or evidence.reason(f"trajectories/{name}.csv")
         found.append(
             Layer(
                 key=f"plan-{name}",
@@ -84,28 +89,29 @@ def _plans(result: Result, evidence: Evidence) -> list[Layer]:
     return found
 
 
-def _simulation(result: Result, evidence: Evidence) -> Layer:
-    look, there = method("simulation"), evidence.simulation is not None
+def _simulation(result: Result, evidence: Evidence, why: Mapping[str, str]) -> Layer:
+    key = "simulation"
+    look, there = method(key), evidence.simulation is not None
     return Layer(
-        key="plan-simulation",
+        key=f"plan-{key}",
         label=look.label,
         variable=look.variable,
         shown=there and strayed(result),
-        missing="" if there else evidence.reason(SIMULATION) or "nothing was simulated",
+        missing="" if there else why.get(key) or evidence.reason(SIMULATION) or "nothing was simulated",
     )
 
 
-def _classes(extras: ReportExtras) -> Layer:
+def _classes(extras: ReportExtras, why: Mapping[str, str]) -> Layer:
     there = bool(extras.speed_graph.classes)
     return Layer(
         key="classes",
         label="Homotopy classes",
         variable=rank_variable(2),
-        missing="" if there else "the paths of the classes were not at hand",
+        missing="" if there else why.get("speed_graph", NOT_DRAWN),
     )
 
 
-def _arcs(extras: ReportExtras, size: float) -> Layer:
+def _arcs(extras: ReportExtras, size: float, why: Mapping[str, str]) -> Layer:
     if extras.diagram is not None:
         arcs: Sequence[Array] = list(extras.diagram.polylines(size * ARC_SPACING))
     else:
@@ -114,12 +120,12 @@ def _arcs(extras: ReportExtras, size: float) -> Layer:
         key="arcs",
         label="Voronoi arcs",
         variable="--arc",
-        missing="" if len(arcs) else "the diagram was not at hand",
+        missing="" if len(arcs) else why.get("voronoi", NOT_DRAWN),
         data=lines(arcs, size) if len(arcs) else None,
     )
 
 
-def _graph(extras: ReportExtras, size: float) -> Layer:
+def _graph(extras: ReportExtras, size: float, why: Mapping[str, str]) -> Layer:
     graph = next(iter(extras.speed_graph.graphs), None)
     label = "Edges of the speed graph"
     if graph is not None and graph.shown < graph.total:
@@ -128,7 +134,7 @@ def _graph(extras: ReportExtras, size: float) -> Layer:
         key="graph",
         label=label,
         variable=method("speed_graph").variable + "-text",
-        missing="" if graph is not None else "the graph was not at hand",
+        missing="" if graph is not None else why.get("speed_graph", NOT_DRAWN),
         data=None if graph is None else lines(list(graph.lines), size),
     )
 
@@ -143,11 +149,13 @@ def _mesh(certificate: tuple[BoundMesh | None, str], size: float) -> Layer:
     return Layer(**known, data=lines(list(mesh.points[long]), size))
 
 
-def _stops(problem: Problem, result: Result, evidence: Evidence, size: float) -> Layer:
+def _stops(
+    problem: Problem, result: Result, evidence: Evidence, size: float, why: Mapping[str, str]
+) -> Layer:
     stops = evidence.stops
     known: dict[str, Any] = {"key": "stops", "variable": method("simulation").variable}
     if stops is None:
-        reason = evidence.reason(STOPS)
+        reason = why.get("emergency_stops") or evidence.reason(STOPS)
         return Layer(label="Emergency stops", missing=reason or "no stops were recorded", **known)
     told = stop_story(result, problem, stops, evidence.simulation, asked=True)
     bad = sorted({stop.index for stop in told.failed if 0 <= stop.index < len(stops)})
