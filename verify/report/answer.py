@@ -46,7 +46,7 @@ def answer(result: Result, *, through: Sequence[str] = (), lost: str = "") -> tu
     plan, times = executed_plan(result), travel_times(result)
     return (
         _how_fast(result, plan, times, through),
-        _nothing_faster(result, plan, times),
+        _nothing_faster(result, plan, times, through),
         _a_vehicle(result, lost),
     )
 
@@ -74,19 +74,23 @@ def _zone(result: Result, plan: str, times: Mapping[str, float]) -> str:
     return f", {seconds(abs(gained))} {'sooner' if gained > 0.0 else 'later'} than with uniform braking"
 
 
-def _nothing_faster(result: Result, plan: str, times: Mapping[str, float]) -> str:
+def _nothing_faster(
+    result: Result, plan: str, times: Mapping[str, float], through: Sequence[str] = ()
+) -> str:
     """What is proven about every motion, and how near to that this one is."""
     missing = bound_story(result).missing
     proven, least = number_in(result, "lower_bound", "travel_time"), least_time(result, plan)
     if missing or proven is None or least is None:
         return f"Nothing proves that no motion is faster: {_cause(missing)}."
     ends = " with these ends" if least > proven else ""
+    ends += ", by whatever way," if through else ""  # the bound knows of no gates
     time = times.get(plan)
     if time is None or time < least:  # what breaks a limit may well be faster
         return f"That no motion{ends} can take less than {seconds_proven(least)} is proven."
     low, high = bracket(least, time)
     more = f"{percent(time / least - 1.0)} more" if time - least >= SAME else f"{high}, as good as that"
-    return f"No motion{ends} can take less than {low}, which is proven; this one takes {more}."
+    asked = f", through the {'gates' if len(through) > 1 else 'gate'} asked for," if through else ""
+    return f"No motion{ends} can take less than {low}, which is proven; this one{asked} takes {more}."
 
 
 def _cause(missing: str) -> str:
