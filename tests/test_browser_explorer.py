@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +10,10 @@ from typing import TYPE_CHECKING
 import pytest
 from browser_case import Opened, browser, opened, ready
 from explorer_case import Case, make_case, write_page
+from pypdf import PdfReader
+from report_case import warehouse
 
+from verify.report import write_report
 from verify.report.palette import PAPER, rank_tone
 
 if TYPE_CHECKING:
@@ -220,3 +224,32 @@ def test_without_scripts_the_page_points_to_the_stills(browser: Browser, file: P
     with opened(browser, file, java_script_enabled=False) as seen:
         assert seen.page.locator("noscript a[href='#stills']").is_visible()
         assert not seen.page.locator("#explore-views").is_visible()
+
+
+def test_on_paper_a_report_has_its_stills_and_no_controls(browser: Browser, tmp_path: Path):
+    shown = make_case(tmp_path / "warehouse")
+    file = tmp_path / "report.html"
+    write_report(
+        file, scenario=warehouse(), result=shown.result, folder=tmp_path / "warehouse", extras=shown.extras
+    )
+    with opened(browser, file) as seen:
+        ready(seen)
+        headings = seen.page.locator("#stills h2, #stills h3").all_inner_texts()
+        captions = seen.page.locator("#stills figcaption").evaluate_all(
+            "(all) => all.map((one) => one.textContent)"
+        )
+        # the sections asked about alone: reading all pages takes long
+        seen.run(
+            "document.querySelectorAll('section:not(#explore, :has(#stills))').forEach((one) => one.remove())"
+        )
+        seen.page.pdf(path=str(tmp_path / "report.pdf"))
+    text = "".join("".join(page.extract_text() for page in PdfReader(tmp_path / "report.pdf").pages).split())
+    assert headings
+    assert captions
+    # words only: signs of formulas and ligatures are the fonts' affair
+    for words in [*headings, *(caption.strip() for caption in captions)]:
+        start = re.match(r"[A-Za-z ,]*", words)
+        assert start is not None
+        assert "".join(start.group().split()) in text, words
+    for control in ("Explore the motion", "all, in %", "One instant in all views", "Braking disc"):
+        assert "".join(control.split()) not in text, control
