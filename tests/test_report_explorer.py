@@ -15,9 +15,11 @@ from bokeh.models import Range1d
 from bokeh.models.annotations import Label
 from explorer_case import NO_CERTIFICATE, Case, make_case
 from matplotlib.colors import to_hex
+from report_case import warehouse
 
 from tests.zone_case import zone_scenario
-from verify.report.explorer import explorer_scripts, explorer_sections
+from verify.report import ReportExtras
+from verify.report.explorer import NO_REASONS, explorer_scripts, explorer_sections
 from verify.report.explorer.cursor import braking_law
 from verify.report.explorer.curve_plots import MARGIN_TONES, friction_reach, label_places, speed_plot
 from verify.report.explorer.embed import close_up
@@ -30,6 +32,7 @@ from verify.report.html import script
 from verify.report.palette import SPEED_MAP, variable_of_colour
 from verify.report.series import Margin
 from verify.report.stops import StopPaths
+from verify.report.story_missing import reasons
 from verify.report.zone_along import zone_along
 from vnav_drake.plan import Path as Way
 from vnav_drake.plan import Trajectory
@@ -61,7 +64,7 @@ def drawn(data: dict[str, Any]) -> list[np.ndarray]:
 def flat(case: Case, **changes: Any) -> list[Any]:
     """All layers in one list, with `changes` to the evidence."""
     evidence = replace(case.evidence, **changes)
-    groups = layers(case.problem, case.result, evidence, case.extras, NO_CERTIFICATE)
+    groups = layers(case.problem, case.result, evidence, case.extras, NO_CERTIFICATE, NO_REASONS)
     return [layer for group in groups for layer in group]
 
 
@@ -207,7 +210,7 @@ def test_layers_say_why_their_stage_gave_nothing(case: Case):
     scenario = warehouse()
     unasked = replace(
         scenario,
-        plan=replace(scenario.plan, methods=("collocation",)),
+        plan=replace(scenario.plan, methods=("voronoi_route",)),
         simulation=replace(scenario.simulation, stops=0),
     )
     broken = [{"stage": "speed_graph", "reason": "no path was found."}]

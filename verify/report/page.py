@@ -23,7 +23,7 @@ from verify.report.motion_sections import motion_sections, subject
 from verify.report.numbers import duration
 from verify.report.simulation import Wired, simulation_sections, wiring
 from verify.report.story_bound import bound_story
-from verify.report.story_missing import by_section
+from verify.report.story_missing import by_section, reasons
 from verify.report.story_seeds import seed_story
 from verify.report.story_stuck import lost_run, stuck_runs
 from verify.report.story_vc import vc_story
@@ -88,7 +88,9 @@ def write_report(
     along = motion_zone(problem, result, evidence)
     unproven = bound_story(result).missing
     certificate = (None, unproven) if unproven else read_bound(folder)
-    linked = explorer_sections(problem, result, evidence, extras, along, certificate)
+    linked = explorer_sections(
+        problem, result, evidence, extras, along, certificate, reasons(scenario, result)
+    )
     classes = class_sections(problem, result, extras.speed_graph)
     scripts = [
         *([PICKER] if classes["classes"] else []),
