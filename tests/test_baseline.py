@@ -140,6 +140,27 @@ def test_names_come_before_long_patterns_before_short_ones_before_kinds():
     assert spread(given_ones, refined, same_effort=True) is DEFAULTS["travel_time"]
 
 
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [
+        ("travel_time.simulation", "travel_time"),
+        ("constraint_violation", "gap"),
+        ("tracking_error", "margin"),
+        ("tracking_error", "track*"),
+    ],
+)
+def test_what_a_file_says_of_a_kind_comes_before_our_own_for_a_name(name, key):
+    metric = next(m for m in metrics(result()) if m.name == name)
+    own = Tolerance(absolute=0.125)
+    assert name in DEFAULTS
+    assert spread({key: own}, metric, same_effort=True) is own
+    # It says nothing of another effort, and there our own for the name holds.
+    ours = DEFAULTS[name].other_effort
+    assert spread({key: own}, metric, same_effort=False) == Spread(
+        absolute=max(0.125, ours.absolute), relative=ours.relative
+    )
+
+
 def test_tolerances_for_another_effort_are_nowhere_narrower():
     refined = next(m for m in metrics(result()) if m.name == "travel_time.refined")
     wide = {"travel_time.refined": Tolerance(absolute=0.5, relative=0.5)}
@@ -169,25 +190,25 @@ def test_a_figure_that_is_gone_fails_and_a_new_one_is_told():
     del less["plans"]["refined"], less["gaps"]["certified"]
     found = compare(stored(run()), run(metrics=metrics(less)))
     assert found.failures == [
-        "baseline travel_time.refined: none, was 25 s",
-        "baseline gap.certified: none, was 0.025",
+        "baseline travel_time.refined: missing: none, was 25 s",
+        "baseline gap.certified: missing: none, was 0.025",
     ]
     back = compare(stored(run(metrics=metrics(less))), run())
     assert back.passed
     assert back.remarks == [
-        "baseline travel_time.refined: 25 s, not in the baseline",
-        "baseline gap.certified: 0.025, not in the baseline",
+        "baseline travel_time.refined: new: 25 s, not in the baseline",
+        "baseline gap.certified: new: 0.025, not in the baseline",
     ]
 
 
 def test_a_line_names_the_figure_both_values_and_what_is_allowed():
     # 25 * (1 + 1e-3) = 25.025; the digits are as many as it takes to tell the three apart.
     worse = compare(stored(run()), with_value("travel_time.refined", 25.9))
-    assert worse.failures == ["baseline travel_time.refined: 25.9 s, was 25 s, allowed 25.025 s"]
+    assert worse.failures == ["baseline travel_time.refined: worse: 25.9 s, was 25 s, allowed 25.025 s"]
     near = compare(stored(run()), with_value("travel_time.refined", 25.0250001))
-    assert near.failures == ["baseline travel_time.refined: 25.0250001 s, was 25 s, allowed 25.025 s"]
+    assert near.failures == ["baseline travel_time.refined: worse: 25.0250001 s, was 25 s, allowed 25.025 s"]
     better = compare(stored(run()), with_value("travel_time.refined", 24.0))
-    assert (better.failures, better.remarks) == ([], ["baseline travel_time.refined: 24 s, was 25 s, better"])
+    assert (better.failures, better.remarks) == ([], ["baseline travel_time.refined: better: 24 s, was 25 s"])
 
 
 def test_a_run_that_is_not_stored_or_answers_another_question_fails_with_the_remedy():
@@ -195,7 +216,7 @@ def test_a_run_that_is_not_stored_or_answers_another_question_fails_with_the_rem
     other = run(question="b" * 64)
     for found in (compare(empty, run()), compare(stored(run()), other)):
         assert not found.passed
-        assert "--update-baseline" in found.failures[0]
+        assert "; verify FILE --baseline BASELINE --update-baseline stores a run" in found.failures[0]
         assert [(case.name, case.status) for case in found.cases] == [("baseline_run", "failed")]
 
 
@@ -230,8 +251,8 @@ def test_each_kind_of_figure_is_a_case_that_lists_all_that_moved():
         "baseline_compute_times": "passed",
     }
     assert cases["baseline_travel_times"].text.splitlines() == [
-        "baseline travel_time.speed_graph: 21 s, was 20 s, allowed 20.02 s",  # 20 * 1.001
-        "baseline travel_time.refined: 26 s, was 25 s, allowed 25.025 s",
+        "baseline travel_time.speed_graph: worse: 21 s, was 20 s, allowed 20.02 s",  # 20 * 1.001
+        "baseline travel_time.refined: worse: 26 s, was 25 s, allowed 25.025 s",
     ]
     assert cases["baseline_gaps"].text == "5 figures within tolerance"  # bound, three gaps, violation
 
@@ -286,9 +307,10 @@ def test_a_line_always_shows_the_difference_that_made_it_fail(was, now):
 @pytest.mark.parametrize(("name", "fails"), [("compute_time.emergency_stops", False), ("lower_bound", True)])
 def test_a_stage_that_no_longer_runs_is_told_and_no_failure(name: str, fails: bool):
     gone = run(metrics=tuple(m for m in run().metrics if m.name != name))
+    word = "missing" if fails else "gone"
     found = compare(stored(run()), gone)
     told = found.failures if fails else found.remarks
-    assert any(line.startswith(f"baseline {name}: none, was ") for line in told)
+    assert any(line.startswith(f"baseline {name}: {word}: none, was ") for line in told)
     assert found.passed is not fails
     assert any(case.bad for case in found.cases) is fails
 
@@ -338,7 +360,13 @@ GOOD: dict[str, Any] = {
     "schema": 1,
     "tolerances": {"gap": {"absolute": 0.5}},
     "scenarios": {
-        "yard": {"question": ASKED, "effort": "full", "verdict": "refined", "metrics": {"lower_bound": 1}}
+        "yard": {
+            "question": ASKED,
+            "effort": "full",
+            "verdict": "refined",
+            "certified_gap": {"limit": 0.03, "aimed": 0.03},
+            "metrics": {"lower_bound": 1},
+        }
     },
 }
 
@@ -368,8 +396,8 @@ def test_the_good_content_is_good(tmp_path: Path):
         ("{}", ["schema is missing", "expected 1"]),
         ('{"schema": 1, "schema": 1}', ["'schema' stands twice"]),
         (json.dumps(GOOD)[:-2] + "\n<<<<<<< HEAD\n", ["not the JSON", "line"]),
-        (bad("schema", 2), ["schema = 2"]),
-        (bad("extra", 1), ["extra = 1"]),
+        (bad("schema", 2), ["schema = 2: expected 1"]),
+        (bad("extra", 1), ["extra = 1: expected schema, tolerances, scenarios"]),
         (bad("scenarios/yard/verdict", "failed"), ["scenarios.yard.verdict = 'failed'", "'refined'"]),
         (bad("scenarios/yard/effort", "slow"), ["scenarios.yard.effort = 'slow'", "'quick'"]),
         (bad("scenarios/yard/question", "x"), ["scenarios.yard.question = 'x'"]),
@@ -383,7 +411,23 @@ def test_the_good_content_is_good(tmp_path: Path):
             ["tolerances.gap.absolute = -1.0", "greater than"],
         ),
         (bad("tolerances/gap/relative", math.inf), ["tolerances.gap.relative = inf", "finite"]),
-        (bad("tolerances/gap/ratio", 4.0), ["tolerances.gap.ratio = 4.0"]),
+        (
+            bad("tolerances/gap/ratio", 4.0),
+            ["tolerances.gap.ratio = 4.0: expected absolute, relative, other_effort"],
+        ),
+        (
+            bad("tolerances/gap/other_effort", {"ratio": 1.0}),
+            ["tolerances.gap.other_effort.ratio = 1.0: expected absolute, relative"],
+        ),
+        (
+            bad("scenarios/yard/gap", 1.0),
+            ["scenarios.yard.gap = 1.0: expected question, effort, verdict, certified_gap, metrics"],
+        ),
+        (
+            bad("scenarios/yard/certified_gap", {"limit": 1.0, "aim": 0.0}),
+            ["scenarios.yard.certified_gap.aim = 0.0: expected limit, aimed"],
+        ),
+        (bad("scenarios/yard/certified_gap", {}), ["scenarios.yard.certified_gap.limit is missing"]),
         (bad("tolerances/travel_tiem.*", {}), ["tolerances.travel_tiem.*", "no figure has this name"]),
     ],
 )
@@ -399,7 +443,9 @@ def test_a_bad_file_is_told_by_file_key_and_value(tmp_path: Path, text: str, wor
 
 
 def test_a_file_that_is_missing_or_no_file_is_told(tmp_path: Path):
-    with pytest.raises(BaselineError, match=r"absent\.json: does not exist; --update-baseline"):
+    with pytest.raises(
+        BaselineError, match=r"absent\.json: does not exist; verify FILE --baseline .*absent\.json --update"
+    ):
         read_baseline(tmp_path / "absent.json")
     with pytest.raises(BaselineError, match="cannot be read"):
         read_baseline(tmp_path)

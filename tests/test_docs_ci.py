@@ -226,6 +226,33 @@ def test_the_action_does_what_the_workflow_asks_of_it(followed, place):
         assert entries
 
 
+def test_steps_that_read_files_of_the_run_ask_whether_these_are_there():
+    steps = workflow()["jobs"]["verify"]["steps"]
+    after = steps[1 + next(n for n, step in enumerate(steps) if step.get("id") == "verify") :]
+    for step in after:
+        read = step["with"]["path"]
+        output = re.fullmatch(r"\$\{\{ (.*) \}\}", read)
+        assert (output[1] if output else f"hashFiles('{read}") in step["if"]
+    assert workflow()["jobs"]["verify"]["permissions"] == {
+        "contents": "read",
+        "checks": "write",
+        "actions": "read",
+    }
+
+
+def test_an_unusable_baseline_still_gives_a_list_of_tests(place):
+    folder = place / "work/unusable"
+    (folder / "scenarios").mkdir(parents=True)
+    (folder / "scenarios/aisle.yaml").write_text(FILES["scenarios/aisle.yaml"])
+    (folder / "baseline.json").write_text("{}")
+    given = {"scenarios": "unusable/scenarios/*.yaml", "baseline": "unusable/baseline.json"}
+    given |= {"junit": "unusable/junit.xml", "python": sys.executable}
+    code, told, printed = act(place, given)
+    assert (code, told) == (2, {"exit-code": "2", "reports": "reports"}), printed
+    (case,) = ElementTree.parse(folder / "junit.xml").iter("testcase")
+    assert case.find("error") is not None
+
+
 def test_the_action_fails_with_the_exit_code_and_tells_it(place):
     given = {
         "python": sys.executable,

@@ -113,9 +113,9 @@ def test_a_case_a_kind_of_baseline_figure(tmp_path: Path):
     # Every figure that moved: 20, 25 and 25.5 s became twice that; 0.1 % more were allowed, of the
     # simulation 0.02 s too: 25.5455 s, told with five digits.
     assert failure.get("message", "").splitlines() == [
-        "baseline travel_time.speed_graph: 40 s, was 20 s, allowed 20.02 s",
-        "baseline travel_time.refined: 50 s, was 25 s, allowed 25.025 s",
-        "baseline travel_time.simulation: 51 s, was 25.5 s, allowed 25.546 s",
+        "baseline travel_time.speed_graph: worse: 40 s, was 20 s, allowed 20.02 s",
+        "baseline travel_time.refined: worse: 50 s, was 25 s, allowed 25.025 s",
+        "baseline travel_time.simulation: worse: 51 s, was 25.5 s, allowed 25.546 s",
     ]
 
 

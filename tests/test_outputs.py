@@ -83,7 +83,10 @@ def test_what_is_worse_exits_1_and_is_told_everywhere(verify, done, stored, tmp_
     code = verify("--baseline", str(stored), "--junit", str(junit), "--quiet", of=slower(done.attempt, 1.01))
     assert code == 1
     lines = capsys.readouterr().out.splitlines()
-    assert lines[1].startswith("  baseline travel_time.refined: 17.494 s, was 17.321 s, allowed 17.338 s")
+    assert "  baseline fails (1 figure)  " in lines[0]
+    assert lines[1].startswith(
+        "  baseline travel_time.refined: worse: 17.494 s, was 17.321 s, allowed 17.338 s"
+    )
     failed = [
         case.get("name")
         for case in ElementTree.parse(junit).iter("testcase")
@@ -96,7 +99,7 @@ def test_what_is_worse_exits_1_and_is_told_everywhere(verify, done, stored, tmp_
 def test_what_is_better_is_told_and_passes(verify, done, stored, capsys):
     capsys.readouterr()
     assert verify("--baseline", str(stored), of=slower(done.attempt, 0.99)) == 0
-    assert ", better" in capsys.readouterr().out
+    assert ": better: " in capsys.readouterr().out
     assert verify("--baseline", str(stored), "--quiet", of=slower(done.attempt, 0.99)) == 0
     assert capsys.readouterr().out == ""
 
@@ -106,12 +109,12 @@ def test_an_update_tells_what_it_changes_and_stores_it(verify, done, stored, cap
     worse = slower(done.attempt, 1.01)
     assert verify("--baseline", str(stored), "--update-baseline", of=worse) == 0
     said = capsys.readouterr().out
-    assert "baseline travel_time.refined: 17.494 s, was 17.321 s" in said
+    assert "baseline travel_time.refined: worse: 17.494 s, was 17.321 s" in said
     assert f"baseline {stored}: stored {NAME}" in said
     assert verify("--baseline", str(stored), of=worse) == 0
     capsys.readouterr()
     assert verify("--baseline", str(stored), "--update-baseline", "--quiet") == 0
-    assert ", better" not in capsys.readouterr().out
+    assert ": better: " not in capsys.readouterr().out
 
 
 def test_stored_are_all_figures_of_the_run(done, stored):
@@ -154,8 +157,18 @@ def test_a_scenario_nobody_stored_and_a_changed_one_fail_with_the_remedy(
     stored.write_text(json.dumps(content))
     assert verify("--baseline", str(stored)) == 1
     said = capsys.readouterr().out
-    assert "yard is not in the baseline; --update-baseline stores this run" in said
+    assert f"--baseline {stored} --update-baseline stores a run" in said
     assert f"baseline {stored}: not run: other" in said
+
+
+def test_a_bad_baseline_is_an_error_in_junit(verify, tmp_path):
+    (tmp_path / "bad.json").write_text("{}")
+    junit = tmp_path / "j.xml"
+    assert verify("--baseline", str(tmp_path / "bad.json"), "--junit", str(junit)) == 2
+    (case,) = ElementTree.parse(junit).iter("testcase")
+    (error,) = case.iter("error")
+    assert error.get("type") == "bad_input"
+    assert error.get("message") == f"{tmp_path / 'bad.json'}: schema is missing; expected 1"
 
 
 def test_a_bad_baseline_exits_2_before_anything_runs(verify, tmp_path, capsys):
@@ -168,7 +181,7 @@ def test_a_bad_baseline_exits_2_before_anything_runs(verify, tmp_path, capsys):
     for arguments, words in (
         (["--baseline", str(bad)], "tolerances.gap.absolute = -1"),
         (["--baseline", str(bad), "--update-baseline"], "tolerances.gap.absolute = -1"),
-        (["--baseline", str(tmp_path / "absent.json")], "does not exist; --update-baseline writes it"),
+        (["--baseline", str(tmp_path / "absent.json")], "--update-baseline writes it"),
         (["--baseline", str(tmp_path / "no/b.json"), "--update-baseline"], "its folder does not exist"),
         (["--junit", str(tmp_path)], "is a folder"),
         (["--junit", "/proc/j.xml"], "/proc/j.xml: no file can be made in its folder"),
@@ -246,7 +259,7 @@ def test_a_finished_folder_beside_a_baseline(done, stored, capsys, monkeypatch):
     stored.write_text(json.dumps(content))
     capsys.readouterr()
     assert main(["check", folder, "--baseline", str(stored), "--quiet"]) == 1
-    assert "baseline travel_time.refined: 17.321 s, was 17.149 s" in capsys.readouterr().out
+    assert "baseline travel_time.refined: worse: 17.321 s, was 17.149 s" in capsys.readouterr().out
     stored.write_text("{}")
     assert main(["check", folder, "--baseline", str(stored)]) == 2
     assert "schema is missing" in capsys.readouterr().err

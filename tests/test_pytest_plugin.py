@@ -215,7 +215,7 @@ def test_with_a_baseline_there_is_one_item_more(place):
         ci_case.baseline(file, scenario, {"travel_time.refined": 30.0 + slower})
         result = verified(place, "scenarios/good.yaml", "--verify-baseline", str(file), "-k", "baseline")
         result.assert_outcomes(**{outcome: 1}, deselected=7)
-    result.stdout.fnmatch_lines(["*baseline travel_time.refined: 30* s, was 29 s, allowed 29.0* s"])
+    result.stdout.fnmatch_lines(["*baseline travel_time.refined: worse: 30* s, was 29 s, allowed 29.0* s"])
 
 
 def test_ctrl_c_ends_the_session_and_leaves_no_record(place, monkeypatch):

@@ -55,7 +55,7 @@ def test_a_baseline_that_does_not_hold_stands_in_the_row():
     gone = run(metrics=tuple(m for m in run().metrics if m.name != "lower_bound"))
     (row,) = rows(step_summary([suite(HELD, comparison=compare(base, gone))]))
     assert row[1] == "**failed**"
-    assert row[5] == r"**baseline\_gaps**: baseline lower\_bound: none, was 19.5 s"
+    assert row[5] == r"**baseline\_gaps**: baseline lower\_bound: missing: none, was 19.5 s"
 
 
 def test_what_could_not_run_is_not_passed():

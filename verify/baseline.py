@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from verify import evidence
-from verify.baseline_file import DIGITS, Baseline, Entry, spread
+from verify.aim import aimed_gap, is_pursued, limit_in_force
+from verify.baseline_file import DIGITS, Aim, Baseline, Entry, remedy, spread
 from verify.cases import Case
+from verify.held_to import HeldTo, remark
+from verify.judge import gate_overrides
 from verify.metrics import UNIT_OF_KIND, Kind, Metric, kind_of, metrics
 from verify.question import question_of
 from vnav_drake.scenario import Scenario, ScenarioError, load_scenario
@@ -23,7 +26,6 @@ CASES: Mapping[str, tuple[Kind, ...]] = {
     "baseline_compute_times": ("compute_time",),
 }
 ABOUT_RUN = "baseline_run"
-REMEDY = "--update-baseline stores this run"
 _RANK = {"failed": 0, "refined": 1, "certified": 2}
 
 Movement = Literal["worse", "better", "same", "missing", "new", "not_compared"]
@@ -37,6 +39,8 @@ class Run:
     question: str  # as from `question_of`
     effort: Literal["quick", "full"]
     verdict: str
+    certified_gap: Aim
+    file: str = "FILE"  # the scenario's, as it was given
     metrics: tuple[Metric, ...]
 
 
@@ -67,12 +71,12 @@ class Figure:
             for number in (self.value, self.was, self.allowed)
         )
         words = {
-            "worse": f"{value}, was {was}, allowed {allowed}",
-            "better": f"{value}, was {was}, better",
+            "worse": f"worse: {value}, was {was}, allowed {allowed}",
+            "better": f"better: {value}, was {was}",
             "same": f"{value}, was {was}",
-            "missing": f"none, was {was}",
-            "new": f"{value}, not in the baseline",
-            "not_compared": f"{value}, was {was}, not compared",
+            "missing": f"{'missing' if self.bad else 'gone'}: none, was {was}",
+            "new": f"new: {value}, not in the baseline",
+            "not_compared": f"not compared: {value}, was {was}",
         }
         return f"baseline {self.name}: {words[self.movement]}"
 
@@ -96,6 +100,14 @@ class Comparison:
     def passed(self) -> bool:
         """Nothing is worse, nothing is gone, and the same was asked."""
         return not self.faults and not any(figure.bad for figure in self.figures)
+
+    @property
+    def headline(self) -> str:
+        """For the line of the run: that the baseline fails, and how much of it; empty where it holds."""
+        count = sum(figure.bad for figure in self.figures)
+        if self.passed:
+            return ""
+        return "baseline fails" + (f" ({count} figure{'s' if count > 1 else ''})" if count else "")
 
     @property
     def failures(self) -> list[str]:
@@ -141,12 +153,21 @@ def _case(name: str, kinds: Sequence[Kind], figures: Sequence[Figure]) -> Case:
 
 
 def run_of(scenario: Scenario, result: Mapping[str, Any]) -> Run:
-    """What is compared of a run of `scenario` with the content of its result.json."""
+    """What is compared of a run of `scenario` with the content of its result.json.
+
+    Raises
+    ------
+    EvidenceError : the limits with which it was made are malformed.
+    """
+    overrides = gate_overrides(result)
+    aimed = aimed_gap(scenario, overrides) if is_pursued(scenario, overrides) else None
     return Run(
         scenario=scenario.name,
         question=question_of(scenario.spec),
         effort=scenario.plan.effort,
         verdict=str(result.get("verdict")),
+        certified_gap=Aim(limit=limit_in_force(scenario, overrides), aimed=aimed),
+        file=str(scenario.source or "FILE"),
         metrics=metrics(result),
     )
 
@@ -158,6 +179,7 @@ def entry(run: Run) -> Entry:
             "question": run.question,
             "effort": run.effort,
             "verdict": run.verdict,
+            "certified_gap": run.certified_gap,
             "metrics": {metric.name: stored_number(metric.value) for metric in run.metrics},
         }
     )
@@ -174,26 +196,33 @@ def compare(baseline: Baseline, run: Run) -> Comparison:
     A figure fails when it is worse than the stored one by more than its tolerance, and, but for compute
     times, when the stored run has it and this one has not. Without a stored run, or when something else
     was asked then, nothing can be compared and that fails. With another effort than the stored run's,
-    compute times are not compared and tolerances for that hold.
+    compute times are not compared and tolerances for that hold. With another limit of `certified_gap`
+    the lower bound, the certified gaps and the verdict are held to the looser one: both runs keep that.
     """
     stored = baseline.scenarios.get(run.scenario)
     if stored is None:
-        return Comparison(scenario=run.scenario, faults=(f"{run.scenario} is not in the baseline; {REMEDY}",))
-    if stored.question != run.question:
-        text = f"{run.scenario}: the stored run answers another question: the scenario was changed; {REMEDY}"
+        text = f"{run.scenario} is not in the baseline; {_remedy(baseline, run)}"
         return Comparison(scenario=run.scenario, faults=(text,))
+    if stored.question != run.question:
+        text = f"{run.scenario}: the stored run answers another question: the scenario was changed; "
+        return Comparison(scenario=run.scenario, faults=(text + _remedy(baseline, run),))
     same_effort = stored.effort == run.effort
-    faults, notes = _verdicts(stored, run, same_effort=same_effort)
+    values = {metric.name: stored_number(metric.value) for metric in run.metrics}
+    held = HeldTo.by(stored.certified_gap, run.certified_gap, values)
+    faults, notes = _verdicts(stored, run, held, same_effort=same_effort)
     if not same_effort:
         notes.append(
             f"this run's effort is {run.effort}, the stored one's {stored.effort}: compute times are not "
             "compared, and tolerances are wider"
         )
+    other_limit = remark(stored.certified_gap, run.certified_gap)
+    if other_limit is not None:
+        notes.append(other_limit)
     return Comparison(
         scenario=run.scenario,
         faults=tuple(faults),
         notes=tuple(notes),
-        figures=tuple(_figures(baseline, stored, run, same_effort=same_effort)),
+        figures=tuple(_figures(baseline, stored, run, held, same_effort=same_effort)),
     )
 
 
@@ -209,22 +238,34 @@ def compare_folder(baseline: Baseline, folder: Path) -> Comparison:
         scenario = load_scenario(folder / evidence.SCENARIO)
     except (ScenarioError, PluginError) as error:
         return Comparison(scenario=str(result.get("scenario")), faults=(f"what was asked: {error}",))
-    return compare(baseline, run_of(scenario, result))
+    # The file that was run is not known, and its copy is evidence.
+    return compare(baseline, replace(run_of(scenario, result), file="FILE"))
 
 
-def _verdicts(stored: Entry, run: Run, *, same_effort: bool) -> tuple[list[str], list[str]]:
+def _remedy(baseline: Baseline, run: Run) -> str:
+    return f"{remedy(baseline.file, run.file)} stores a run"
+
+
+def _verdicts(stored: Entry, run: Run, held: HeldTo, *, same_effort: bool) -> tuple[list[str], list[str]]:
     """What is wrong with the verdict, and what is only worth telling."""
     now, was = _RANK.get(run.verdict, 0), _RANK[stored.verdict]
     text = f"the verdict is {run.verdict}, was {stored.verdict}"
-    if now < was and (same_effort or now == 0):
+    if now < was and (now == 0 or (same_effort and not _by_limit(stored, run, held))):
         return [text], []
     return [], [text] if now != was else []
 
 
-def _figures(baseline: Baseline, stored: Entry, run: Run, *, same_effort: bool) -> Iterator[Figure]:
+def _by_limit(stored: Entry, run: Run, held: HeldTo) -> bool:
+    """Whether the verdict is only another because this run's limit is tighter."""
+    return run.certified_gap.limit < stored.certified_gap.limit and held.is_certified
+
+
+def _figures(
+    baseline: Baseline, stored: Entry, run: Run, held: HeldTo, *, same_effort: bool
+) -> Iterator[Figure]:
     now = {metric.name: metric for metric in run.metrics}
     for metric in run.metrics:
-        yield _figure(baseline, metric, stored.metrics.get(metric.name), same_effort=same_effort)
+        yield _figure(baseline, metric, stored.metrics.get(metric.name), held, same_effort=same_effort)
     for name, was in stored.metrics.items():
         if name not in now:
             kind = kind_of(name)
@@ -232,17 +273,22 @@ def _figures(baseline: Baseline, stored: Entry, run: Run, *, same_effort: bool) 
             yield Figure(name=name, kind=kind, unit=UNIT_OF_KIND[kind], movement=gone, was=was)
 
 
-def _figure(baseline: Baseline, metric: Metric, was: float | None, *, same_effort: bool) -> Figure:
+def _figure(
+    baseline: Baseline, metric: Metric, was: float | None, held: HeldTo, *, same_effort: bool
+) -> Figure:
     value = stored_number(metric.value)
     if was is None:
         movement: Movement = "new"
         allowed = None
-    elif metric.kind == "compute_time" and not same_effort:
+    elif (metric.kind == "compute_time" and not same_effort) or not held.compares(metric.name):
         movement, allowed = "not_compared", None
     else:
         distance = spread(baseline.tolerances, metric, same_effort=same_effort).around(was)
         sign = 1.0 if metric.better == "smaller" else -1.0
         allowed = was + sign * distance
+        at_limit = held.worst(metric.name)
+        if at_limit is not None:
+            allowed = sign * max(sign * allowed, sign * stored_number(at_limit))
         if sign * (value - allowed) > 0.0:
             movement = "worse"
         else:

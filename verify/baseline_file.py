@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+import re
+import shlex
+from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError
+from pydantic_core import ErrorDetails
 
 from verify.atomic import locked, replace_file
 from verify.evidence import MODEL_OF_PLAN
@@ -59,21 +62,35 @@ class Tolerance(Spread):
     other_effort: Spread | None = None
 
 
+class Aim(_Section):
+    """What limits of the gate `certified_gap` a run was made with."""
+
+    limit: Amount  # under which it was judged
+    aimed: Amount | None = None  # the gap to which the bound was refined; none was sought
+
+
 class Entry(_Section):
     """What is kept of one run."""
 
     question: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]  # as from `question_of`
     effort: Literal["quick", "full"]
     verdict: Literal["certified", "refined"]
+    certified_gap: Aim
     metrics: Annotated[dict[MetricName, float], Field(min_length=1)]
 
 
 class Baseline(_Section):
     """Entries by scenario, tolerances by kind of figure or by pattern of its name."""
 
-    schema_version: Annotated[int, Field(alias="schema", ge=1, le=1)] = 1
+    schema_version: Annotated[Literal[1], Field(alias="schema")] = 1
     tolerances: dict[str, Tolerance] = {}
     scenarios: dict[Name, Entry] = {}
+    _file: Path | None = PrivateAttr(default=None)
+
+    @property
+    def file(self) -> Path | None:
+        """Where it was read."""
+        return self._file
 
 
 # What another machine keeps. Solvers stop within 1e-6 of an optimum, so times repeat far better than
@@ -103,15 +120,11 @@ DEFAULTS: Mapping[str, Tolerance] = MappingProxyType(
 def spread(tolerances: Mapping[str, Tolerance], metric: Metric, *, same_effort: bool) -> Spread:
     """What holds for a figure, from the most special entry that means it.
 
-    That is its name, then the longest pattern among `tolerances`, then its name among the defaults, then its
-    kind, in `tolerances` before the defaults. With another effort it is `other_effort` of the first of these
+    That is, of `tolerances`, the one for its name, then the longest pattern, then the one for its kind; then
+    the defaults for its name and its kind. With another effort it is `other_effort` of the first of these
     that has any, nowhere narrower than what holds with the same.
     """
-    entries = [
-        found
-        for key in _precedence(tolerances, metric)
-        if (found := tolerances.get(key) or DEFAULTS.get(key)) is not None
-    ]
+    entries = _precedence(tolerances, metric)
     if same_effort:
         return entries[0]
     other = next((found.other_effort for found in entries if found.other_effort is not None), Spread())
@@ -120,11 +133,18 @@ def spread(tolerances: Mapping[str, Tolerance], metric: Metric, *, same_effort: 
     )
 
 
-def _precedence(tolerances: Mapping[str, Tolerance], metric: Metric) -> Iterable[str]:
-    """Keys that mean the figure, the most special first; each kind is among the defaults."""
+def _precedence(tolerances: Mapping[str, Tolerance], metric: Metric) -> list[Tolerance]:
+    """What means the figure, the most special first; each kind is among the defaults."""
     patterns = {key for key in tolerances if key not in UNIT_OF_KIND and fnmatchcase(metric.name, key)}
     longest = sorted(patterns, key=lambda key: (key != metric.name, -len(key), key))
-    return (*longest, metric.name, metric.kind)
+    own = [tolerances[key] for key in (*longest, metric.kind) if key in tolerances]
+    return own + [DEFAULTS[key] for key in (metric.name, metric.kind) if key in DEFAULTS]
+
+
+def remedy(baseline: Path | None, scenario: str = "FILE") -> str:
+    """The command that stores a run, for a shell."""
+    kept = "BASELINE" if baseline is None else shlex.quote(str(baseline))
+    return f"verify {shlex.quote(scenario)} --baseline {kept} --update-baseline"
 
 
 def read_baseline(file: Path) -> Baseline:
@@ -139,7 +159,7 @@ def read_baseline(file: Path) -> Baseline:
             raise BaselineError(f"{file}: larger than {MAX_BYTES} bytes, so no baseline")
         text = file.read_bytes().decode("utf-8")
     except FileNotFoundError as error:
-        raise BaselineError(f"{file}: does not exist; --update-baseline writes it") from error
+        raise BaselineError(f"{file}: does not exist; {remedy(file)} writes it") from error
     except OSError as error:
         raise BaselineError(f"{file}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
@@ -159,6 +179,7 @@ def read_baseline(file: Path) -> Baseline:
                 f"{file}: tolerances.{key}: no figure has this name; expected a kind ("
                 f"{', '.join(UNIT_OF_KIND)}), a name such as travel_time.refined, or a pattern such as gap.*"
             )
+    found._file = file
     return found
 
 
@@ -174,10 +195,28 @@ def _no_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _faults(file: Path, error: ValidationError) -> list[str]:
     """A line for each fault: where, what is there, what was expected."""
-    return [
-        f"{file}: {'.'.join(map(str, fault['loc'])) or 'the whole'} = {fault['input']!r:.80}: {fault['msg']}"
-        for fault in error.errors(include_url=False)
-    ]
+    return [f"{file}: {_fault(fault)}" for fault in error.errors(include_url=False)]
+
+
+def _fault(fault: ErrorDetails) -> str:
+    where = ".".join(map(str, fault["loc"])) or "the whole"
+    if fault["type"] == "missing":
+        return f"{where} is missing"
+    expected = re.sub("^Input should be ", "", fault["msg"])
+    if fault["type"] == "extra_forbidden":
+        expected = ", ".join(_keys_beside(fault["loc"]))
+    return f"{where} = {fault['input']!r:.80}: expected {expected}"
+
+
+def _keys_beside(place: tuple[int | str, ...]) -> list[str]:
+    """Keys that may stand where a fault is."""
+    section: type[_Section] = Baseline
+    for depth, key in enumerate(place[:-1]):
+        if depth == 0:
+            section = Tolerance if key == "tolerances" else Entry
+        elif depth > 1:
+            section = Spread if key == "other_effort" else Aim
+    return [field.alias or name for name, field in section.model_fields.items()]
 
 
 def _means_something(key: str, baseline: Baseline) -> bool:

@@ -12,7 +12,7 @@ from pathlib import Path
 from verify.atomic import usable_folder
 from verify.attempt import Attempt, load
 from verify.baseline import compare, run_of
-from verify.baseline_file import Baseline
+from verify.baseline_file import Baseline, BaselineError
 from verify.exit_codes import BAD_INPUT, FAILED, OK, UNFINISHED
 from verify.outputs import baseline_lines, prepare, write_outputs
 from verify.progress import Progress
@@ -33,7 +33,11 @@ def run_files(options: argparse.Namespace) -> int:
     """
     scenarios, suites = _load(options.scenarios)
     worst = BAD_INPUT if suites else OK
-    baseline = prepare(options)
+    try:
+        baseline = prepare(options)
+    except BaselineError as error:
+        _tell_unusable(options, suites, str(error))
+        raise
     if scenarios:
         usable_folder(options.out)
     by_name = {scenario.name: scenario for scenario in scenarios}
@@ -54,7 +58,7 @@ def run_files(options: argparse.Namespace) -> int:
                 if suite.comparison is not None and not suite.comparison.passed:
                     code = max(code, FAILED)
                 with progress.paused():
-                    _tell(done, code, baseline_lines(suite, baseline, options), options)
+                    _tell(suite, done, code, baseline_lines(suite, baseline, options), options)
                 if options.open and done.outcome is not None:
                     webbrowser.open(done.outcome.report.absolute().as_uri())
                 worst = max(worst, code)
@@ -85,6 +89,15 @@ def _load(files: list[Path]) -> tuple[list[Scenario], list[Suite]]:
     return scenarios, suites
 
 
+def _tell_unusable(options: argparse.Namespace, suites: Sequence[Suite], error: str) -> None:
+    """Write what a CI server reads although nothing runs: the baseline as bad input."""
+    name = str(options.baseline)
+    about = Suite(name=name, file=name, error=error, bad_input=True)
+    only = argparse.Namespace(junit=options.junit, trend=None, baseline=None, update_baseline=False)
+    for fault in write_outputs(only, [*suites, about], None).faults:
+        print(f"verify: {fault}", file=sys.stderr)
+
+
 def _suite(done: Attempt, scenario: Scenario, baseline: Baseline | None) -> Suite:
     """What became of a scenario, beside the baseline if that is to be compared."""
     outcome, file = done.outcome, str(scenario.source or "")
@@ -103,7 +116,7 @@ def _suite(done: Attempt, scenario: Scenario, baseline: Baseline | None) -> Suit
     )
 
 
-def _tell(done: Attempt, code: int, beside: Sequence[str], options: argparse.Namespace) -> None:
+def _tell(suite: Suite, done: Attempt, code: int, beside: Sequence[str], options: argparse.Namespace) -> None:
     """The scenario's line and what failed, also `beside` the baseline; on standard error why it has none."""
     outcome = done.outcome
     if outcome is None:
@@ -113,7 +126,7 @@ def _tell(done: Attempt, code: int, beside: Sequence[str], options: argparse.Nam
         return
     if code == OK and options.quiet and not beside:
         return
-    print(f"{headline(outcome.judgement)}  {outcome.report}", flush=True)
+    print(f"{headline(outcome.judgement, suite.comparison)}  {outcome.report}", flush=True)
     lines = [f"missing {item.stage}: {item.reason}" for item in outcome.missing]
     lines += details(outcome.judgement) if options.verbose else failures(outcome.judgement)
     for line in (*lines, *beside):

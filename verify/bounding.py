@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from verify.aim import aimed_gap, is_pursued
 from vnav_drake.lower_bound import LowerBound, lower_bound
 from vnav_drake.plan import Plan
 from vnav_drake.problem import NoPathError, PlanningError
@@ -12,7 +13,6 @@ from vnav_drake.scenario import Scenario
 from vnav_drake.zones.catalogue import field_set
 from vnav_drake.zones.field_set import FieldSet
 
-GATE = "certified_gap"  # what the stage serves; without a bound this gate is not evaluated, and nothing else
 METHOD = "quadratic certificate (second-order cone program)"
 OPTIMA = ("speed_graph", "collocation")  # plans of the variational model, whose gap is certified
 EMERGENCY = 900.0  # [s] after which no further round is begun, told as `stopped: time`; runs take seconds
@@ -39,8 +39,6 @@ def run_lower_bound(
     NoPathError : there is no path for this robot, and no plan says otherwise.
     """
     _require_fields_that_hold_the_base(scenario)
-    # Ways asked for by name need not hold the fastest: no gap to close, unless the gate is named too.
-    aimless = bool(scenario.plan.through) and GATE not in {*scenario.named_gates, *overrides}
     optima = OPTIMA if scenario.problem.has_variational_optimum else ("refined",)
     upper = min((plans[name].travel_time for name in optima if name in plans), default=None)
     try:
@@ -49,7 +47,7 @@ def run_lower_bound(
             upper=upper,
             gap=aimed_gap(scenario, overrides) * WITHIN,
             time_limit=EMERGENCY,
-            effort="quick" if aimless else scenario.plan.effort,
+            effort=scenario.plan.effort if is_pursued(scenario, overrides) else "quick",
             progress=progress,
         )
     except NoPathError as error:
@@ -75,12 +73,6 @@ def _require_fields_that_hold_the_base(scenario: Scenario) -> None:
         f"not run: braking.zone.fields[{i}] does not hold the base zone at {fields.max_speeds[i]:g} m/s, so "
         "the fields may allow motions that are faster than a bound for the base zone says"
     )
-
-
-def aimed_gap(scenario: Scenario, overrides: Mapping[str, float]) -> float:
-    """The gap to reach: the scenario's limit, or that of the command line where it is smaller."""
-    limit = scenario.gates[GATE]
-    return min(limit, overrides.get(GATE, limit))
 
 
 def about(bound: LowerBound) -> dict[str, Any]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 
+from verify.aim import GATE
 from verify.analytic import run_speed_graph
-from verify.bounding import GATE, run_lower_bound
+from verify.bounding import run_lower_bound
 from verify.field_stage import asks_for_fields, run_fields
 from verify.seeding import cold_start, compare_seeds, route_seeds, with_times
 from verify.stages import Stages

@@ -97,7 +97,7 @@ class Session:
         )
         return Record(
             name=done.name,
-            headline=headline(outcome.judgement),
+            headline=headline(outcome.judgement, suite.comparison),
             report=str(_shown(outcome.report)),
             cases=suite.cases,
         )

@@ -96,7 +96,7 @@ def check_folder(
     passed = found.passed and (beside is None or beside.passed)
     if passed and quiet:
         return OK
-    print(f"{headline(found.judgement)}  {folder}")
+    print(f"{headline(found.judgement, beside)}  {folder}")
     made = limits_given(found.as_made, but=overrides)
     lines = [f"the result was made with other gate limits: {made}"] if made else []
     lines += failures(found.judgement)

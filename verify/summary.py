@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from decimal import Decimal
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from verify.digits import as_given, beside, digits_beside, rounded, tells_side
 from verify.judge import Gate, Judgement, stops_in_words
 
+if TYPE_CHECKING:
+    from verify.baseline import Comparison
 
-def headline(judgement: Judgement) -> str:
-    """One line: verdict, times (of the executed plan first), gaps, emergency stops, limits given by hand."""
+
+def headline(judgement: Judgement, comparison: Comparison | None = None) -> str:
+    """One line: verdict, times (of the executed plan first), gaps, emergency stops, limits given by hand.
+
+    Where the run is compared with a baseline that fails, the line says so.
+    """
     parts = [f"{judgement.scenario}: {judgement.verdict}"]
     plans = ("refined", "speed_graph", "collocation", "vc_method", "voronoi_route", "dwa")
     names = sorted(plans, key=lambda name: name != judgement.executed)
@@ -28,6 +34,8 @@ def headline(judgement: Judgement) -> str:
     given = limits_given(judgement)
     if given:
         parts.append(f"(gates overridden on the command line: {given})")
+    if comparison is not None and not comparison.passed:
+        parts.append(comparison.headline)
     return "  ".join(parts)
 
 
