@@ -26,7 +26,7 @@ from verify.report.explorer.embed import close_up
 from verify.report.explorer.encode import data_block, lines, numbers
 from verify.report.explorer.layers import layers
 from verify.report.explorer.motions import DrawnMotion, followed, instants, least_around, margins_of
-from verify.report.explorer.plots import empty
+from verify.report.explorer.plots import clear_names, empty
 from verify.report.figures_map import BAR_STEPS
 from verify.report.html import script
 from verify.report.palette import SPEED_MAP, variable_of_colour
@@ -36,6 +36,7 @@ from verify.report.story_missing import reasons
 from verify.report.zone_along import zone_along
 from vnav_drake.plan import Path as Way
 from vnav_drake.plan import Trajectory
+from vnav_drake.world import Obstacle
 from vnav_drake.zones.shapes import EllipseZone
 
 LARGEST = 600_000  # [bytes] of numbers in a page
@@ -204,6 +205,20 @@ def test_layers_say_what_is_not_there(case: Case):
     assert not any(layer.shown for layer in found if layer.missing)
     gone = layer_of(flat(case, simulation=None), "plan-simulation")
     assert gone.missing
+
+
+def test_names_on_the_map_stand_clear_of_each_other_and_of_the_ends():
+    # the world is 31 m wide, 560 px on the map: a name of four letters takes 1.6 m, the goal's 2 m
+    problem = warehouse().problem
+    (x, y), far = problem.goal.point, (15.0, 15.0)
+
+    def square(name: str, at: tuple[float, float], half: float) -> Obstacle:
+        corners = ((-half, -half), (half, -half), (half, half), (-half, half))
+        return Obstacle(name=name, vertices=tuple((at[0] + dx, at[1] + dy) for dx, dy in corners))
+
+    named = [square("seat", (far[0] + 0.3, far[1]), 0.2), square("desk", far, 1.0)]
+    named += [square("lamp", (x + 1.0, y + 0.5), 0.1), square("rack", (far[0], far[1] + 2.0), 1.0)]
+    assert {o.name for o in clear_names(named, problem)} == {"desk", "rack"}
 
 
 def test_layers_say_why_their_stage_gave_nothing(case: Case):

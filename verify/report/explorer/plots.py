@@ -39,11 +39,13 @@ from verify.report.palette import (
 )
 from verify.report.text import label
 from vnav_drake.problem import Problem
-from vnav_drake.world import World
+from vnav_drake.world import Obstacle, World
 
 Array = NDArray[np.float64]
 
 FONT = "system-ui, sans-serif"
+MAP_PIXELS = 560.0  # about the width of the map on a wide page: where names are judged to meet
+LETTER = (7.0, 14.0)  # [px] of the letters there, with the room between them
 LETTERS: dict[str, Any] = {"text_font": value(FONT), "text_font_size": "12px"}
 WORDS: dict[str, Any] = {
     "text_font": FONT,
@@ -91,7 +93,7 @@ def map_plot(
         "map", "x [m]", "y [m]", x_range=Range1d(start=0.0, end=1.0), y_range=Range1d(start=0.0, end=1.0)
     )
     plot.grid.grid_line_color = None
-    _world(plot, problem.world)
+    _world(plot, problem)
     for key, colour, width in (
         ("mesh", RACK_EDGE.light, 0.6),
         ("arcs", ARC.light, 1.0),
@@ -132,7 +134,8 @@ def map_plot(
     return plot
 
 
-def _world(plot: figure, world: World) -> None:
+def _world(plot: figure, problem: Problem) -> None:
+    world = problem.world
     plot.multi_polygons(
         xs=[[_ring(world.boundary, 0)]], ys=[[_ring(world.boundary, 1)]],
         fill_color=FLOOR.light, line_color=INK.light, line_width=1.5,
@@ -150,7 +153,8 @@ def _world(plot: figure, world: World) -> None:
         plot.scatter(x=x, y=y, size=6, marker="circle", fill_color=INK.light, line_color=None)
     # a wall's name stands beside it
     named = [o for o in world.obstacles if label(o.name)]
-    if 0 < len(named) <= MOST_NAMES:
+    named = clear_names(named, problem) if len(named) <= MOST_NAMES else []
+    if named:
         middles = np.array([_middle(np.array(o.vertices)) for o in named])
         plot.text(
             x=middles[:, 0], y=middles[:, 1], text=[label(o.name) for o in named], name="names",
@@ -159,6 +163,27 @@ def _world(plot: figure, world: World) -> None:
             text_align=["center" if len(o.vertices) > 2 else "left" for o in named],
             text_baseline="middle", text_color=MUTED.light,
         )  # fmt: skip
+
+
+def clear_names(named: Sequence[Obstacle], problem: Problem) -> list[Obstacle]:
+    """Those whose names stand clear of "start" and "goal" and of each other; of two that meet the larger."""
+    x0, _, x1, _ = problem.world.bounds
+    pixel = (x1 - x0) / MAP_PIXELS  # [m]
+    ends = ((problem.start.point, "start"), (problem.goal.point, "goal"))
+    taken = [
+        shapely.box(x, y, x + pixel * (9 + LETTER[0] * len(word)), y + pixel * (7 + LETTER[1]))
+        for (x, y), word in ends
+    ]
+    kept = []
+    for obstacle in sorted(named, key=lambda o: -float(np.ptp(np.array(o.vertices), axis=0).max())):
+        (x, y), wide = _middle(np.array(obstacle.vertices)), pixel * LETTER[0] * len(label(obstacle.name))
+        x, y = (x - 0.5 * wide, y) if len(obstacle.vertices) > 2 else (x + 5 * pixel, y + 9 * pixel)
+        half = 0.5 * pixel * LETTER[1]
+        place = shapely.box(x, y - half, x + wide, y + half)
+        if not shapely.intersects(place, taken).any():
+            taken.append(place)
+            kept.append(obstacle)
+    return kept
 
 
 def _scale_bar(plot: figure, world: World) -> None:
