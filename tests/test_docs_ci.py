@@ -62,6 +62,7 @@ def place(tmp_path_factory) -> Path:
     """A folder with the stand-ins, and where the page's blocks have been run one after the other."""
     place = tmp_path_factory.mktemp("ci")
     executable(place / "bin/git", GIT)
+    executable(place / "bin/python", f'#!/bin/sh\nexec "{sys.executable}" "$@"\n')  # a runner has one
     executable(place / "library/tools/set-up", SET_UP)
     executable(place / "library/python", PYTHON)
     executable(place / "undrawn/undrawn.py", UNDRAWN)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -125,13 +126,20 @@ def _row(out: Path, name: str, result: Mapping[str, Any]) -> IndexRow:
             Cell(name="Variational optimum", text=seconds(optimum), value=optimum),
             Cell(name="Above it", text=DASH if above is None else percent_or_times(above), value=above),
             Cell(name="Lower bound", text=seconds_proven(bound), value=bound),
-            Cell(name="Gap to the bound", text=percent(left), value=left),
+            Cell(name="Gap to the bound", text=_left(result, left), value=left),
             Cell(name="Simulated", text=story.unfinished(result) or seconds(simulated), value=simulated),
             Cell(name="Bad stops", text=stops or DASH, value=bad if stops else None),
         ],
         changes=changes_cell(read_previous(folder), result, folder),
         run=_run_at(folder),
     )
+
+
+def _left(result: Mapping[str, Any], left: float | None) -> str:
+    """The gap in percent; where a gate limits this very gap, on its side of the limit."""
+    limited = number_in(result, "gaps", "certified")
+    same = left is not None and limited is not None and math.isclose(left, limited, rel_tol=1e-6)
+    return story.gap_figure(result, "certified") if same else percent(left)
 
 
 def _run_at(folder: Path) -> datetime | None:

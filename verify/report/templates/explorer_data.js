@@ -50,10 +50,10 @@ const vnavData = (() => {
     return curves[name];
   }
 
-  // A broken line at x; NaN where there is none.
+  // A broken line at x; no number where there is none.
   function line(name, x, of = "t") {
     const columns = curve(name);
-    if (!columns) return NaN;
+    if (!columns) return Number.NaN;
     const xs = columns[of], values = columns.value, i = row(x, xs);
     const part = Math.min(Math.max((x - xs[i]) / Math.max(xs[i + 1] - xs[i], 1e-9), 0), 1);
     return values[i] + part * (values[i + 1] - values[i]);

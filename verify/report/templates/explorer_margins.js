@@ -14,7 +14,7 @@ const vnavMargins = (data, plots, state) => {
     data.margins.forEach((margin, k) => {
       const values = one ? own[`margin.${margin.key}`] : shares[k] && percent(shares[k]);
       const shown = values && (!one || one === margin);
-      columns[margin.key] = shown ? values : own.t.map(() => NaN);
+      columns[margin.key] = shown ? values : own.t.map(() => Number.NaN);
       named(`margin-${margin.key}`).visible = Boolean(shown);
       if (!shown) return;
       const i = values.reduce((best, value, j) => (value < values[best] ? j : best), 0);
@@ -41,7 +41,7 @@ const vnavMargins = (data, plots, state) => {
     const { t, ...columns } = data.motion(key);
     const lines = one ? [columns[`margin.${one.key}`]] : data.margins.map((margin) => data.share(key, margin)).map((values) => values && percent(values));
     const known = lines.filter(Boolean);
-    put("margin-class", { t, value: t.map((_, i) => known.reduce((least, values) => Math.min(least, values[i]), known.length ? Infinity : NaN)) });
+    put("margin-class", { t, value: t.map((_, i) => known.reduce((least, values) => Math.min(least, values[i]), known.length ? Infinity : Number.NaN)) });
     line.glyph.line_color = { value: plots.colour(data.tones[key]) };
   }
 
@@ -51,7 +51,7 @@ const vnavMargins = (data, plots, state) => {
   function tightest(here) {
     let best = null;
     for (const margin of data.margins) {
-      const value = here[`share.${margin.key}`] ?? NaN;
+      const value = here[`share.${margin.key}`] ?? Number.NaN;
       if (best === null ? Number.isFinite(value) : value < best.value - TIE / 100) best = { value, margin };
     }
     return best;
